@@ -1,0 +1,1 @@
+"""Scores map mergers against ground truth."""

@@ -1,0 +1,1 @@
+"""Simultaneous merging of multiple occupancy grid maps by robust motion averaging (Jiang, Zhu et al.), and beyond."""

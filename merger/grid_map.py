@@ -1,0 +1,96 @@
+"""The occupancy grid that every package passes around.
+
+Frames: ``map`` is the metric frame of the grid's `map_server` YAML. ``grid`` has its origin in the lower-left
+corner of the lower-left cell, x along the columns and y along the rows: cell (row, col) covers
+``[col, col + 1) x [row, row + 1)`` times the resolution, and row 0 has the smallest y.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from merger import se2
+
+OCCUPIED_PROBABILITY = 0.65
+"""A cell above it is occupied (map_server's ``occupied_thresh``)."""
+FREE_PROBABILITY = 0.196
+"""A cell below it is free (map_server's ``free_thresh``; at 0.25 the grey of "unknown" would load as free)."""
+
+LOG_ODDS_OCCUPIED = 2.0
+"""Log-odds given to an occupied cell of a trinary map."""
+LOG_ODDS_FREE = -2.0
+"""Log-odds given to a free cell of a trinary map."""
+
+
+@dataclass(frozen=True)
+class GridMap:
+    """An occupancy grid with its name and its place in the frame ``map``.
+
+    Raises:
+        ValueError: the cells are not a finite, non-empty 2D array, the resolution is not a positive number, or
+            ``T_map_grid`` is not a rigid motion.
+    """
+
+    name: str
+    """Unique among the maps of one merge."""
+    log_odds: npt.NDArray[np.float32]
+    """(H, W) log-odds of occupancy, row 0 at the smallest y of frame ``grid``; 0 is unknown."""
+    resolution_m: float
+    """Side of a cell, metres."""
+    T_map_grid: npt.NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+    """(3, 3) pose of the grid's lower-left corner in frame ``map``: the YAML's ``origin``, yaw included."""
+
+    def __post_init__(self) -> None:
+        """Refuse what is no grid."""
+        if self.log_odds.ndim != 2 or self.log_odds.size == 0:
+            raise ValueError(f"map '{self.name}': cells must be a non-empty 2D array, got shape {self.log_odds.shape}")
+        if not np.isfinite(self.log_odds).all():
+            raise ValueError(f"map '{self.name}': log-odds must be finite")
+        if not (math.isfinite(self.resolution_m) and self.resolution_m > 0.0):
+            raise ValueError(f"map '{self.name}': resolution must be > 0 m, got {self.resolution_m}")
+        R = self.T_map_grid[:2, :2]
+        if self.T_map_grid.shape != (3, 3) or not np.allclose(R.T @ R, np.eye(2), atol=1e-6):
+            raise ValueError(f"map '{self.name}': T_map_grid must be a (3, 3) rigid motion")
+
+    @property
+    def occupied(self) -> npt.NDArray[np.bool_]:
+        """(H, W) mask of occupied cells."""
+        return self.log_odds > np.float32(logit(OCCUPIED_PROBABILITY))
+
+    @property
+    def free(self) -> npt.NDArray[np.bool_]:
+        """(H, W) mask of free cells."""
+        return self.log_odds < np.float32(logit(FREE_PROBABILITY))
+
+    @property
+    def size_m(self) -> tuple[float, float]:
+        """Width (along x) and height (along y) of the grid, metres."""
+        rows, cols = self.log_odds.shape
+        return cols * self.resolution_m, rows * self.resolution_m
+
+    def cell_centers(self, mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.float64]:
+        """(N, 2) centres of the cells where the (H, W) mask holds, metres in frame ``map``, row by row."""
+        rows, cols = np.nonzero(mask)
+        return self.points_map_from_cells(np.stack([rows, cols], axis=-1).astype(np.float64) + 0.5)
+
+    def points_map_from_cells(self, cells: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Map (N, 2) continuous cell coordinates (row, col) to (N, 2) points in metres, frame ``map``.
+
+        The centre of cell (r, c) is (r + 0.5, c + 0.5).
+        """
+        return se2.transform_points(self.T_map_grid, cells[..., ::-1] * self.resolution_m)
+
+    def cells_from_points_map(self, points_map: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Map (N, 2) points in metres, frame ``map``, to continuous cell coordinates (row, col).
+
+        The inverse of `points_map_from_cells`; ``floor`` gives the cell that holds a point.
+        """
+        points_grid = se2.transform_points(se2.invert(self.T_map_grid), points_map)
+        return points_grid[..., ::-1] / self.resolution_m
+
+
+def logit(probability: float) -> float:
+    """Log-odds of a probability in (0, 1)."""
+    return math.log(probability / (1.0 - probability))

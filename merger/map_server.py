@@ -1,0 +1,195 @@
+"""Occupancy grids on disk, in the format of ROS's `map_server`: a YAML beside an image.
+
+Row 0 of the image is the largest y; ``origin`` is the pose (x, y, yaw) of the lower-left corner of the lower-left
+pixel; the image's path is relative to the YAML. Read: the modes ``trinary``, ``scale`` and ``raw``, any image
+that OpenCV decodes, an alpha channel (transparent is unknown). Written: trinary PGM (0 occupied, 254 free, 205
+unknown).
+"""
+
+import math
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import yaml
+
+from merger import grid_map, se2
+from merger.grid_map import GridMap
+
+_PIXEL_OCCUPIED, _PIXEL_FREE, _PIXEL_UNKNOWN = 0, 254, 205
+_MODES = ("trinary", "scale", "raw")
+
+
+class MapFileError(ValueError):
+    """A map file cannot be used; the message is one line that names the file and the fault."""
+
+
+@dataclass(frozen=True)
+class _Header:
+    """What a map's YAML says."""
+
+    image: Path
+    resolution_m: float
+    origin: tuple[float, float, float]
+    negate: bool
+    occupied_probability: float
+    free_probability: float
+    mode: str
+
+
+def read_map(path: str | os.PathLike[str]) -> GridMap:
+    """Read one map by its YAML file; its name is the file's stem.
+
+    Raises:
+        MapFileError: the YAML or its image is missing, empty, malformed or out of range.
+    """
+    path = Path(path)
+    header = _read_header(path)
+    log_odds = _log_odds_from_pixels(_read_pixels(path, header), header)
+    return GridMap(
+        path.stem, np.ascontiguousarray(log_odds[::-1]), header.resolution_m, se2.make_motion(*header.origin)
+    )
+
+
+def write_map(path: str | os.PathLike[str], grid: GridMap) -> None:
+    """Write a map as trinary PGM and YAML; each file is written whole or not at all.
+
+    Args:
+        path: The YAML file to write; the image gets the same stem and ``.pgm``.
+        grid: The map; log-odds are reduced to occupied, free and unknown.
+    """
+    path = Path(path)
+    pixels = np.full(grid.log_odds.shape, _PIXEL_UNKNOWN, dtype=np.uint8)
+    pixels[grid.free] = _PIXEL_FREE
+    pixels[grid.occupied] = _PIXEL_OCCUPIED
+    rows, cols = grid.log_odds.shape
+    image = path.with_suffix(".pgm")
+    _write_whole(image, b"P5\n%d %d\n255\n" % (cols, rows) + pixels[::-1].tobytes())
+    x, y, yaw = (float(v) for v in se2.parameters_of(grid.T_map_grid))
+    header = (
+        f"image: {image.name}\nmode: trinary\nresolution: {grid.resolution_m!r}\norigin: [{x!r}, {y!r}, {yaw!r}]\n"
+        f"negate: 0\noccupied_thresh: {grid_map.OCCUPIED_PROBABILITY}\nfree_thresh: {grid_map.FREE_PROBABILITY}\n"
+    )
+    _write_whole(path, header.encode())
+
+
+def _read_header(path: Path) -> _Header:
+    document = _read_yaml(path)
+    resolution_m = _number(path, document, "resolution")
+    if resolution_m <= 0.0:
+        raise MapFileError(f"{path}: resolution must be > 0, got {resolution_m:g}")
+    image = document.get("image")
+    if not isinstance(image, str) or not image:
+        raise MapFileError(f"{path}: field 'image' is missing or not a file name")
+    mode = str(document.get("mode", "trinary"))
+    if mode not in _MODES:
+        raise MapFileError(f"{path}: mode must be one of {', '.join(_MODES)}, got '{mode}'")
+    occupied = _number(path, document, "occupied_thresh", grid_map.OCCUPIED_PROBABILITY)
+    free = _number(path, document, "free_thresh", grid_map.FREE_PROBABILITY)
+    if not 0.0 <= free < occupied <= 1.0:
+        raise MapFileError(f"{path}: need 0 <= free_thresh < occupied_thresh <= 1, got {free:g} and {occupied:g}")
+    negate = bool(_number(path, document, "negate", 0.0))
+    return _Header(path.parent / image, resolution_m, _origin(path, document), negate, occupied, free, mode)
+
+
+def _read_yaml(path: Path) -> dict[str, Any]:
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise MapFileError(f"{path}: no such file") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise MapFileError(f"{path}: cannot be read ({type(error).__name__})") from None
+    if not text.strip():
+        raise MapFileError(f"{path}: the file is empty")
+    try:
+        document = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise MapFileError(f"{path}: not YAML ({' '.join(str(error).split())})") from None
+    if not isinstance(document, dict):
+        raise MapFileError(f"{path}: not a map_server YAML (no fields)")
+    return document
+
+
+def _number(path: Path, document: dict[str, Any], key: str, default: float | None = None) -> float:
+    value = document.get(key, default)
+    if value is None:
+        raise MapFileError(f"{path}: field '{key}' is missing")
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise MapFileError(f"{path}: field '{key}' must be a finite number, got '{value}'")
+    return number
+
+
+def _origin(path: Path, document: dict[str, Any]) -> tuple[float, float, float]:
+    value = document.get("origin")
+    if not isinstance(value, list) or len(value) != 3:
+        raise MapFileError(f"{path}: field 'origin' is missing or not a list of three numbers [x, y, yaw]")
+    x, y, yaw = (_number(path, {"origin": item}, "origin") for item in value)
+    return x, y, yaw
+
+
+def _read_pixels(path: Path, header: _Header) -> npt.NDArray[np.uint8]:
+    """The image as (H, W, C) uint8, C = 1 grey or 2 grey and alpha."""
+    try:
+        data = header.image.read_bytes()
+    except OSError:
+        raise MapFileError(f"{path}: its image {header.image.name} does not exist or cannot be read") from None
+    pixels = _decode(data)
+    if pixels is None:
+        raise MapFileError(f"{path}: its image {header.image.name} is not an image")
+    if pixels.dtype == np.uint16:
+        pixels = (pixels >> 8).astype(np.uint8)
+    if pixels.dtype != np.uint8:
+        raise MapFileError(
+            f"{path}: its image {header.image.name} must have 8 or 16 bits a channel, has {pixels.dtype}"
+        )
+    if pixels.ndim == 2:
+        return pixels[:, :, None]
+    grey = np.rint(pixels[:, :, :3].mean(axis=2)).astype(np.uint8)
+    channels = [grey] if pixels.shape[2] == 3 else [grey, pixels[:, :, 3]]
+    return np.stack(channels, axis=2)
+
+
+def _decode(data: bytes) -> npt.NDArray[Any] | None:
+    if not data:
+        return None
+    try:
+        return cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error:
+        return None
+
+
+def _log_odds_from_pixels(pixels: npt.NDArray[np.uint8], header: _Header) -> npt.NDArray[np.float32]:
+    """Log-odds by map_server's rules, still with the image's row order."""
+    grey = pixels[:, :, 0]
+    if header.mode == "raw":
+        occupancy = np.where(grey <= 100, grey / 100.0, 0.5)
+        occupied, free = occupancy >= header.occupied_probability, occupancy <= header.free_probability
+    else:
+        occupancy = grey / 255.0 if header.negate else (255.0 - grey) / 255.0
+        occupied, free = occupancy > header.occupied_probability, occupancy < header.free_probability
+    log_odds = np.zeros(grey.shape, dtype=np.float32)
+    if header.mode != "trinary":
+        clipped = np.clip(occupancy, 0.02, 0.98)
+        log_odds[:] = np.log(clipped / (1.0 - clipped))
+    log_odds[free] = np.minimum(log_odds[free], grid_map.LOG_ODDS_FREE)
+    log_odds[occupied] = np.maximum(log_odds[occupied], grid_map.LOG_ODDS_OCCUPIED)
+    if pixels.shape[2] == 2:
+        log_odds[pixels[:, :, 1] < 255] = 0.0
+    return log_odds
+
+
+def _write_whole(path: Path, data: bytes) -> None:
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        temporary.write_bytes(data)
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
