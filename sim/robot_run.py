@@ -38,7 +38,7 @@ class LidarSpec:
     @property
     def angles_rad(self) -> npt.NDArray[np.float64]:
         """(num_beams,) angles of the beams in frame ``lidar``."""
-        return self.angle_min_rad + self.angle_increment_rad * np.arange(self.num_beams)
+        return self.angle_min_rad + self.angle_increment_rad * np.arange(self.num_beams, dtype=np.float64)
 
     @property
     def pose_on_robot(self) -> npt.NDArray[np.float64]:
