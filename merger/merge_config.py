@@ -1,0 +1,41 @@
+"""The settings of a whole merge: one config of each algorithm's file."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from merger.result import Method
+
+Progress = Callable[[str, int, int], None]
+"""``progress(stage, done, total)`` is called as the work goes on."""
+
+
+@dataclass(frozen=True)
+class MergeConfig:
+    """Settings of `merger.pipeline.merge_maps`; the defaults are the paper's values.
+
+    Raises:
+        ValueError: a setting is out of its range.
+    """
+
+    method: Method = Method.PAPER
+    """How to merge."""
+    seed: int = 0
+    """Seed of every random stream, at least 0."""
+    workers: int = 1
+    """Threads that work on maps and pairs, at least 1; the result does not depend on it."""
+    reference: str | None = None
+    """Name of the reference map; None: the first map."""
+    resolution_m: float | None = None
+    """Cell side of the merged map, > 0; None: the reference map's."""
+    composite: bool = True
+    """Whether to make the merged map; without it `MergeResult.merged` is None."""
+
+    def __post_init__(self) -> None:
+        """Refuse values out of range."""
+        if self.seed < 0:
+            raise ValueError(f"seed must be >= 0, got {self.seed}")
+        if self.workers < 1:
+            raise ValueError(f"workers must be >= 1, got {self.workers}")
+        if self.resolution_m is not None and not (math.isfinite(self.resolution_m) and self.resolution_m > 0.0):
+            raise ValueError(f"resolution must be > 0 m, got {self.resolution_m}")
