@@ -1,0 +1,73 @@
+"""The building as robots and lidars meet it: surfaces in metres, rooms, and starts."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from sim.outlines import outline_segments
+from sim.plan import Material, Plan, Room
+
+__all__ = ["Material", "Room", "World", "make_world"]
+
+Array = npt.NDArray[np.float64]
+
+SHORTEST_SEGMENT_M = 1e-6
+"""A shorter segment is degenerate."""
+
+
+@dataclass(frozen=True)
+class World:
+    """A building in frame ``world``.
+
+    Raises:
+        ValueError: a shape is wrong, a number is not finite, or a segment is degenerate.
+    """
+
+    name: str
+    """For messages and datasets."""
+    segments: Array
+    """(N, 2, 2) surfaces: both ends of each segment in metres. A wall has two faces."""
+    materials: npt.NDArray[np.int8]
+    """(N,) `Material` of each segment."""
+    starts: Array
+    """(K, 3) free places x_m, y_m, theta_rad, in the order in which robots take them."""
+    rooms: tuple[Room, ...] = ()
+    """Rooms, each with a point that robots can reach."""
+    waypoints: tuple[Array, ...] = ()
+    """One (M, 2) route in metres for each robot, or none: then robots plan by themselves."""
+
+    def __post_init__(self) -> None:
+        """Refuse what is no world."""
+        if self.segments.ndim != 3 or self.segments.shape[1:] != (2, 2) or len(self.segments) == 0:
+            raise ValueError(f"world '{self.name}': segments must be (N, 2, 2), N > 0, got {self.segments.shape}")
+        if self.materials.shape != self.segments.shape[:1]:
+            raise ValueError(f"world '{self.name}': {len(self.segments)} segments, materials {self.materials.shape}")
+        if self.starts.ndim != 2 or self.starts.shape[1] != 3:
+            raise ValueError(f"world '{self.name}': starts must be (K, 3), got {self.starts.shape}")
+        if not (np.isfinite(self.segments).all() and np.isfinite(self.starts).all()):
+            raise ValueError(f"world '{self.name}': coordinates must be finite")
+        short = np.hypot(*(self.segments[:, 1] - self.segments[:, 0]).T) < SHORTEST_SEGMENT_M
+        if short.any():
+            x, y = self.segments[np.argmax(short), 0]
+            raise ValueError(f"world '{self.name}': a segment at ({x:.3f}, {y:.3f}) has no length")
+
+    @property
+    def bounds_m(self) -> tuple[float, float, float, float]:
+        """Smallest x, smallest y, largest x, largest y of all surfaces, metres."""
+        low, high = self.segments.min(axis=(0, 1)), self.segments.max(axis=(0, 1))
+        return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+
+def make_world(plan: Plan) -> World:
+    """Turn a plan into the surfaces that a lidar sees (not yet checked: see `sim.world_check`).
+
+    Raises:
+        ValueError: the plan has no surfaces, or a number in it is not finite.
+    """
+    segments, materials = outline_segments(plan.solids)
+    if plan.outlines is not None:
+        segments = np.concatenate([segments, plan.outlines])
+        walls = np.full(len(plan.outlines), Material.WALL, dtype=np.int8)
+        materials = np.concatenate([materials, walls])
+    return World(plan.name, segments, materials, plan.starts, plan.rooms, plan.waypoints)
