@@ -1,0 +1,205 @@
+"""CARMEN logs as robot runs: real ones as they are published, and the ``scans.log`` of our own datasets.
+
+Lines that count: ``FLASER n r1..rn x y theta odom_x odom_y odom_theta ipc_time host logger_time`` (a scan with the
+pose of the lidar, corrected by SLAM in published logs, and of the robot by odometry), ``TRUEPOS true_x true_y
+true_theta odom_x odom_y odom_theta ipc_time host logger_time`` (the true pose of the robot), ``PARAM name value``.
+Scans keep the file's order, even where their times do not.
+"""
+
+import gzip
+import math
+import re
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from merger import se2
+from sim.robot_run import LidarSpec, RobotRun, Trajectory
+
+_KNOWN_MAXIMA_M = (81.83, 50.0)
+"""What the lidars of published logs report when nothing is in reach."""
+_SATURATED_SHARE = (0.001, 0.9)
+"""A largest reading that makes up such a share of all readings is the sensor's maximum, not a wall."""
+_ROUNDING_M = 1e-4
+"""Two readings this close are the same one, written differently."""
+_OWN_ROBOT = re.compile(r"robot_\d+")
+"""Host names that tell several robots of one log apart."""
+
+
+class LogError(ValueError):
+    """A log cannot be used; the message is one line that names the file and the fault."""
+
+
+@dataclass
+class _Scans:
+    """What has been read of one robot."""
+
+    ranges_m: list[npt.NDArray[np.float32]] = field(default_factory=list)
+    lidar_pose: list[tuple[float, ...]] = field(default_factory=list)
+    odometry: list[tuple[float, ...]] = field(default_factory=list)
+    stamps_s: list[float] = field(default_factory=list)
+    true_pose: dict[float, tuple[float, ...]] = field(default_factory=dict)
+
+
+def read_carmen(path: Path) -> list[RobotRun]:
+    """Read a log, gzipped or not: one run for each robot.
+
+    True poses are the TRUEPOS lines where each scan has one of its time, else the scans' corrected poses (the pose on
+    the robot is then unknown, and taken as none). Odometry is that of the scans' lines; where it only repeats the
+    corrected poses (published corrected logs) the run's odometry repeats the truth. Stamps count from the earliest
+    scan. Angles of the beams: by the log's parameters, else 180 degrees by `beam_angles`.
+
+    Raises:
+        LogError: the file is missing, cannot be read, holds no scan, or a line of it is malformed.
+    """
+    parameters: dict[str, str] = {}
+    robots: dict[str, _Scans] = {}
+    for number, words in _read_lines(path):
+        try:
+            _add_line(words, parameters, robots)
+        except (ValueError, IndexError) as error:
+            raise LogError(f"{path}: line {number}: malformed {words[0]} line ({error})") from None
+    robots = {name: scans for name, scans in robots.items() if scans.ranges_m}
+    if not robots:
+        raise LogError(f"{path}: the log holds no scan (no FLASER line)")
+    start_s = min(min(scans.stamps_s) for scans in robots.values())
+    return [_make_run(path, name, robots[name], parameters, start_s) for name in sorted(robots, key=_robot_order)]
+
+
+def beam_angles(num_beams: int) -> tuple[float, float]:
+    """First angle and increment, radians, of a lidar that sees 180 degrees and says no more than its beam count.
+
+    Even counts leave out the end point (180 beams: 1 degree, 360: 0.5), odd counts include it (181, 361).
+    """
+    steps = num_beams if num_beams % 2 == 0 else max(num_beams - 1, 1)
+    return -math.pi / 2.0, math.pi / steps
+
+
+def no_return_reading(ranges_m: npt.NDArray[np.float32]) -> float:
+    """The reading, in metres, at and above which (N, B) readings of a log are no return; +inf if there is none.
+
+    A known sensor maximum (81.83, 50) that the log reaches, else its largest reading if that one is frequent.
+    """
+    largest = float(ranges_m.max())
+    for known in _KNOWN_MAXIMA_M:
+        if known - _ROUNDING_M <= largest <= known + 0.1:
+            return known
+    share = float(np.mean(ranges_m >= np.float32(largest - _ROUNDING_M)))
+    low, high = _SATURATED_SHARE
+    return largest if low <= share <= high else math.inf
+
+
+def _read_lines(path: Path) -> Iterator[tuple[int, list[str]]]:
+    """Number and words of each line, not counting comments and empty ones."""
+    try:
+        with path.open("rb") as start:
+            compressed = start.read(2) == b"\x1f\x8b"
+        with gzip.open(path, "rb") if compressed else path.open("rb") as file:
+            for number, line in enumerate(file, start=1):
+                words = line.decode("utf-8", errors="replace").split()
+                if words and not words[0].startswith("#"):
+                    yield number, words
+    except FileNotFoundError:
+        raise LogError(f"{path}: no such file") from None
+    except (OSError, EOFError, zlib.error) as error:
+        raise LogError(f"{path}: cannot be read ({' '.join(str(error).split()) or type(error).__name__})") from None
+
+
+def _add_line(words: list[str], parameters: dict[str, str], robots: dict[str, _Scans]) -> None:
+    """Store what one line says."""
+    if words[0] == "PARAM" and len(words) >= 3:
+        parameters[words[1]] = words[2]
+    elif words[0] == "FLASER":
+        count = int(words[1])
+        if count < 1 or len(words) < count + 11:
+            raise ValueError(f"{count} readings need at least {count + 11} fields, got {len(words)}")
+        pose = _finite(words[2 + count : 8 + count])
+        scans = robots.setdefault(_robot_of(words[9 + count]), _Scans())
+        scans.ranges_m.append(_readings(words[2 : 2 + count]))
+        scans.lidar_pose.append(pose[:3])
+        scans.odometry.append(pose[3:])
+        scans.stamps_s.append(_finite(words[8 + count : 9 + count])[0])
+        if len(scans.ranges_m[0]) != count:
+            raise ValueError(f"{count} readings after scans of {len(scans.ranges_m[0])}")
+    elif words[0] == "TRUEPOS" and len(words) >= 9:
+        values = _finite(words[1:8])
+        robots.setdefault(_robot_of(words[8]), _Scans()).true_pose[values[6]] = values[:3]
+
+
+def _robot_of(host: str) -> str:
+    return host if _OWN_ROBOT.fullmatch(host) else "robot_0"
+
+
+def _robot_order(name: str) -> int:
+    return int(name.removeprefix("robot_"))
+
+
+def _finite(words: list[str]) -> tuple[float, ...]:
+    values = tuple(float(word) for word in words)
+    if not all(math.isfinite(value) for value in values):
+        raise ValueError("a value is not finite")
+    return values
+
+
+def _readings(words: list[str]) -> npt.NDArray[np.float32]:
+    ranges = np.array(words, dtype=np.float32)
+    if np.isnan(ranges).any():
+        raise ValueError("a reading is not a number")
+    return ranges
+
+
+def _make_run(path: Path, name: str, scans: _Scans, parameters: dict[str, str], start_s: float) -> RobotRun:
+    """The run of one robot, its readings by REP 117."""
+    readings = np.stack(scans.ranges_m)
+    limit = _parameter(path, parameters, "robot_front_laser_max", no_return_reading(readings))
+    ranges = np.where(readings >= np.float32(limit - _ROUNDING_M), np.float32(np.inf), readings)
+    ranges[readings <= 0.0] = -np.inf
+    T_world_lidar = se2.make_motion(*np.array(scans.lidar_pose).T)
+    T_world_robot, mounting = _true_poses(scans, T_world_lidar)
+    T_odom = se2.make_motion(*np.array(scans.odometry).T)
+    stamps = np.array(scans.stamps_s) - start_s
+    trajectory = Trajectory(name, stamps, T_world_robot, se2.invert(T_odom[0]) @ T_odom)
+    lidar = _lidar(path, parameters, readings.shape[1], limit if math.isfinite(limit) else float(readings.max()))
+    lidar = LidarSpec(**{**vars(lidar), "T_robot_lidar": mounting, "scan_period_s": _period(stamps)})
+    return RobotRun(trajectory, lidar, lambda start, stop: ranges[start:stop])
+
+
+def _true_poses(
+    scans: _Scans, T_world_lidar: npt.NDArray[np.float64]
+) -> tuple[npt.NDArray[np.float64], tuple[float, float, float]]:
+    """(N, 3, 3) true poses of the robot, and the lidar's pose on it as x_m, y_m, theta_rad."""
+    if not all(stamp in scans.true_pose for stamp in scans.stamps_s):
+        return T_world_lidar, (0.0, 0.0, 0.0)
+    T_world_robot = se2.make_motion(*np.array([scans.true_pose[stamp] for stamp in scans.stamps_s]).T)
+    x, y, theta = np.round(se2.parameters_of(se2.invert(T_world_robot[0]) @ T_world_lidar[0]), 6)
+    return T_world_robot, (float(x), float(y), float(theta))
+
+
+def _lidar(path: Path, parameters: dict[str, str], num_beams: int, range_max_m: float) -> LidarSpec:
+    """The lidar by the log's parameters and the rule of counts."""
+    first, increment = beam_angles(num_beams)
+    resolution = _parameter(path, parameters, "laser_front_laser_resolution", math.degrees(increment))
+    centred = math.degrees(first) * math.radians(resolution) / increment
+    start = _parameter(path, parameters, "laser_front_laser_start_angle", centred)
+    return LidarSpec(num_beams, math.radians(start), math.radians(resolution), 0.0, range_max_m)
+
+
+def _period(stamps_s: npt.NDArray[np.float64]) -> float:
+    """The median time between two scans, for those who ask; logs have no fixed one."""
+    steps = np.diff(stamps_s)
+    steps = steps[steps > 0.0]
+    return float(np.median(steps)) if len(steps) else 0.1
+
+
+def _parameter(path: Path, parameters: dict[str, str], name: str, default: float) -> float:
+    try:
+        value = float(parameters.get(name, default))
+    except ValueError:
+        value = math.nan
+    if not value > 0.0 and name != "laser_front_laser_start_angle":
+        raise LogError(f"{path}: PARAM {name} must be a number > 0, got '{parameters.get(name)}'")
+    return value

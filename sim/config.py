@@ -1,0 +1,75 @@
+"""Everything that makes a dataset, in one tree: the same tree and version give the same dataset, byte for byte."""
+
+import dataclasses
+from dataclasses import dataclass, field
+from enum import Enum, StrEnum
+from typing import Any
+
+from sim.submap_mapping import MappingConfig
+from sim.submaps import SubmapsConfig
+
+
+class SourceKind(StrEnum):
+    """Where scans come from."""
+
+    SIMULATED = "simulated"
+    """Robots drive through a world."""
+    CARMEN = "carmen"
+    """A log in CARMEN's format."""
+
+
+@dataclass(frozen=True)
+class SourceConfig:
+    """Where scans come from."""
+
+    kind: SourceKind = SourceKind.SIMULATED
+    """Simulated, or a log."""
+    path: str | None = None
+    """The log, ``.log`` or ``.log.gz``."""
+
+    def __post_init__(self) -> None:
+        """Refuse a log without a path, and a path without a log."""
+        if self.kind is SourceKind.CARMEN and not self.path:
+            raise ValueError("source.path must name a CARMEN log when source=carmen")
+        if self.kind is SourceKind.SIMULATED and self.path:
+            raise ValueError(f"source.path is read only with source=carmen, got '{self.path}'")
+
+
+@dataclass(frozen=True)
+class SimConfig:
+    """What makes a dataset."""
+
+    seed: int = 0
+    """Seed of everything that is drawn, >= 0."""
+    name: str | None = None
+    """Name of the dataset; none: the building and the seed."""
+    world: str = "intel"
+    """The building: a name under ``worlds/``, ``office``, or the path of a world file or of a `map_server` map."""
+    source: SourceConfig = field(default_factory=SourceConfig)
+    """Where scans come from."""
+    submaps: SubmapsConfig = field(default_factory=SubmapsConfig)
+    """How runs are cut into submaps."""
+    mapping: MappingConfig = field(default_factory=MappingConfig)
+    """How a submap is made from scans."""
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be."""
+        if self.seed < 0:
+            raise ValueError(f"seed must be >= 0, got {self.seed}")
+
+
+def to_plain_dict(config: Any) -> dict[str, Any]:
+    """A config dataclass as nested dictionaries of numbers, strings and lists; enums by their values."""
+    return {field.name: _plain(getattr(config, field.name)) for field in dataclasses.fields(config)}
+
+
+def _plain(value: Any) -> Any:
+    if dataclasses.is_dataclass(value):
+        return to_plain_dict(value)
+    if isinstance(value, Enum):
+        return value.value
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    return value
