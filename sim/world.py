@@ -1,14 +1,18 @@
 """The building as robots and lidars meet it: surfaces in metres, rooms, and starts."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from sim.outlines import outline_segments
 from sim.plan import Material, Plan, Room
+from sim.resources import worlds_folder
+from sim.world_check import check_plan
+from sim.world_file import read_world_file
 
-__all__ = ["Material", "Room", "World", "make_world"]
+__all__ = ["Material", "Room", "World", "make_world", "read_world"]
 
 Array = npt.NDArray[np.float64]
 
@@ -59,15 +63,41 @@ class World:
         return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
 
-def make_world(plan: Plan) -> World:
-    """Turn a plan into the surfaces that a lidar sees (not yet checked: see `sim.world_check`).
+def read_world(name_or_path: str) -> World:
+    """Read and check a building.
+
+    Args:
+        name_or_path: A world file's name in ``worlds/`` (``tim``, ``intel``, ``fr079``) or a path to one.
 
     Raises:
-        ValueError: the plan has no surfaces, or a number in it is not finite.
+        ValueError: there is no such world, the file cannot be used, or robots cannot work in the building.
+    """
+    return make_world(_plan_of(name_or_path))
+
+
+def make_world(plan: Plan) -> World:
+    """Turn a plan into the surfaces that a lidar sees, and check it.
+
+    Raises:
+        ValueError: the plan has no surfaces, the outline is open, a start is inside a wall, or a room cannot be
+            reached.
     """
     segments, materials = outline_segments(plan.solids)
     if plan.outlines is not None:
         segments = np.concatenate([segments, plan.outlines])
         walls = np.full(len(plan.outlines), Material.WALL, dtype=np.int8)
         materials = np.concatenate([materials, walls])
-    return World(plan.name, segments, materials, plan.starts, plan.rooms, plan.waypoints)
+    world = World(plan.name, segments, materials, plan.starts, plan.rooms, plan.waypoints)
+    check_plan(plan, segments)
+    return world
+
+
+def _plan_of(name_or_path: str) -> Plan:
+    path = Path(name_or_path)
+    if path.suffix:
+        return read_world_file(path)
+    bundled = worlds_folder() / f"{name_or_path}.yaml"
+    if not bundled.is_file():
+        known = sorted(p.stem for p in worlds_folder().glob("*.yaml"))
+        raise ValueError(f"world '{name_or_path}' is unknown: give one of {', '.join(known)}, or a path")
+    return read_world_file(bundled)

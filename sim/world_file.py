@@ -1,0 +1,202 @@
+"""World files: a building written by hand, in metres and degrees, as YAML.
+
+A file is a mapping with these fields; only ``walls`` and ``starts`` must be there::
+
+    thickness: 0.15            # of walls that do not say theirs
+    walls:                     # centre lines; a wall is solid and has two faces
+      - [[0, 0], [8, 0], [8, 6], [0, 6], [0, 0]]                            # short form
+      - {points: [[4, 0], [4, 6]], thickness: 0.1, material: glass}         # wall (default) or glass
+    doors:                     # a gap in every wall that passes through the point `at`
+      - {at: [4, 2], width: 0.9}                    # taken off its hinges
+      - {at: [4, 4], width: 0.9, open: 80}          # a leaf, ajar by 80 degrees, to the left of its wall's direction;
+                                                    # negative: to the right; 0: closed; `hinge: end` (default: start)
+    furniture:                 # solid from the floor to above the lidar
+      - {box: [1, 1, 1.6, 0.8], turn: 30}           # centre x, y, width, depth
+      - {disc: [2, 2, 0.2]}                         # centre x, y, radius
+      - {box: [3, 5, 0.3, 0.3], material: clutter}  # furniture (default), clutter, wall (a pillar), glass
+    rooms:                     # places that every robot must be able to reach, and that coverage visits
+      - {name: kitchen, at: [1, 5]}
+      - {name: lab, rect: [4, 0, 8, 6], furnish: lab, clutter: 0.5}   # between wall centre lines x0, y0, x1, y1;
+                               # filled by `sim.furnishing` as office, meeting, lab, storage, lounge, hall or corridor
+    starts: [[1, 3, 0]]        # x, y, degrees; the first robots stand here
+    waypoints: [[[1, 3], [6, 3]]]     # a route for each robot, instead of planning
+    seed: 1                    # of the furnishing
+"""
+
+import math
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import yaml
+
+from sim.furnishing import FurnishConfig, RoomArea, RoomKind, furnish_rooms
+from sim.plan import Material, Plan, Room, Solid, box, disc
+from sim.walls import Door, Wall, build_walls
+
+_FIELDS = {"thickness", "walls", "doors", "furniture", "rooms", "starts", "waypoints", "seed"}
+_DEFAULT_THICKNESS_M = 0.15
+
+
+class WorldFileError(ValueError):
+    """A world file cannot be used; the message is one line that names the file and the fault."""
+
+
+def read_world_file(path: Path) -> Plan:
+    """Read a world file; its name is the file's stem.
+
+    Raises:
+        WorldFileError: the file is missing, empty, not YAML, or a field is missing, unknown or out of range.
+    """
+    document = _read_document(path)
+    try:
+        return _plan_of(path.stem, document)
+    except (ValueError, TypeError, KeyError) as error:
+        raise WorldFileError(f"{path}: {error}") from None
+
+
+def _read_document(path: Path) -> dict[str, Any]:
+    try:
+        document = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise WorldFileError(f"{path}: no such file") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise WorldFileError(f"{path}: cannot be read ({type(error).__name__})") from None
+    except yaml.YAMLError as error:
+        raise WorldFileError(f"{path}: not YAML ({' '.join(str(error).split())})") from None
+    if not isinstance(document, dict):
+        raise WorldFileError(f"{path}: not a world file (no fields)")
+    return document
+
+
+def _plan_of(name: str, document: dict[str, Any]) -> Plan:
+    unknown = sorted(set(map(str, document)) - _FIELDS)
+    if unknown:
+        raise ValueError(f"unknown field '{unknown[0]}'; known are {', '.join(sorted(_FIELDS))}")
+    thickness_m = _positive("thickness", document.get("thickness", _DEFAULT_THICKNESS_M))
+    walls = [w for k, item in enumerate(_list(document, "walls")) for w in _walls(f"walls[{k}]", item, thickness_m)]
+    if not walls:
+        raise ValueError("there are no walls")
+    doors = [_door(f"doors[{k}]", item) for k, item in enumerate(_list(document, "doors"))]
+    furniture = [_furniture(f"furniture[{k}]", item) for k, item in enumerate(_list(document, "furniture"))]
+    solids = build_walls(walls, doors) + furniture
+    areas = [_room(f"rooms[{k}]", item, k) for k, item in enumerate(_list(document, "rooms"))]
+    openings = np.array([[d.x_m, d.y_m, d.width_m] for d in doors]).reshape(-1, 3)
+    seed = _seed(document.get("seed", 0))
+    solids += furnish_rooms(areas, solids, openings, FurnishConfig(), seed)
+    starts = [_numbers(f"starts[{k}]", item, 3) for k, item in enumerate(_list(document, "starts"))]
+    starts_rad = np.array(starts).reshape(-1, 3) * (1.0, 1.0, math.pi / 180.0)
+    routes = tuple(_points(f"waypoints[{k}]", item) for k, item in enumerate(_list(document, "waypoints")))
+    return Plan(name, tuple(solids), tuple(a.room for a in areas), starts_rad, routes)
+
+
+def _walls(where: str, item: Any, thickness_m: float) -> list[Wall]:
+    fields = item if isinstance(item, dict) else {"points": item}
+    _only(where, fields, {"points", "thickness", "material"})
+    points = _points(f"{where}.points", fields.get("points"))
+    thickness_m = _positive(f"{where}.thickness", fields.get("thickness", thickness_m))
+    material = _material(where, fields.get("material", "wall"), (Material.WALL, Material.GLASS))
+    for a, b in pairwise(points):
+        if np.hypot(*(b - a)) < 0.01:
+            raise ValueError(f"{where}: the piece at ({a[0]:g}, {a[1]:g}) has no length")
+    return [Wall(a, b, thickness_m, material) for a, b in pairwise(points)]
+
+
+def _door(where: str, item: Any) -> Door:
+    _only(where, item, {"at", "width", "open", "hinge"})
+    x, y = _numbers(f"{where}.at", item.get("at"), 2)
+    width = _positive(f"{where}.width", item.get("width"))
+    angle = item.get("open")
+    open_rad = None if angle is None else math.radians(_numbers(f"{where}.open", [angle], 1)[0])
+    hinge = item.get("hinge", "start")
+    if hinge not in ("start", "end"):
+        raise ValueError(f"{where}.hinge must be start or end, got '{hinge}'")
+    return Door(x, y, width, open_rad, hinge == "end")
+
+
+def _furniture(where: str, item: Any) -> Solid:
+    _only(where, item, {"box", "disc", "turn", "material"})
+    choices = (Material.FURNITURE, Material.CLUTTER, Material.WALL, Material.GLASS)
+    material = _material(where, item.get("material", "furniture"), choices)
+    if ("box" in item) == ("disc" in item):
+        raise ValueError(f"{where} must have either 'box' or 'disc'")
+    if "disc" in item:
+        x, y, radius = _numbers(f"{where}.disc", item["disc"], 3)
+        return Solid(disc(x, y, _positive(f"{where}.disc radius", radius)), material)
+    x, y, width, depth = _numbers(f"{where}.box", item["box"], 4)
+    size = (_positive(f"{where}.box width", width), _positive(f"{where}.box depth", depth))
+    angle = math.radians(_numbers(f"{where}.turn", [item.get("turn", 0.0)], 1)[0])
+    return Solid(box(x, y, size, angle), material)
+
+
+def _room(where: str, item: Any, k: int) -> RoomArea:
+    _only(where, item, {"name", "at", "rect", "furnish", "clutter", "seed"})
+    name = str(item.get("name", f"room {k}"))
+    kind = _kind(where, item.get("furnish", "empty"))
+    if "rect" not in item and ("at" not in item or kind != RoomKind.EMPTY):
+        raise ValueError(f"{where} needs {'at or rect' if kind == RoomKind.EMPTY else 'a rect to be furnished'}")
+    x0, y0, x1, y1 = _numbers(f"{where}.rect", item["rect"], 4) if "rect" in item else (0.0, 0.0, 1.0, 1.0)
+    if not (x0 < x1 and y0 < y1):
+        raise ValueError(f"{where}.rect must be [x0, y0, x1, y1] with x0 < x1 and y0 < y1")
+    x, y = _numbers(f"{where}.at", item["at"], 2) if "at" in item else [(x0 + x1) / 2.0, (y0 + y1) / 2.0]
+    clutter = _numbers(f"{where}.clutter", [item.get("clutter", 1.0)], 1)[0]
+    if not 0.0 <= clutter <= 5.0:
+        raise ValueError(f"{where}.clutter must be in [0, 5], got {clutter:g}")
+    return RoomArea(Room(name, x, y), kind, ((x0, y0, x1, y1),), _seed(item.get("seed", k)), clutter)
+
+
+def _kind(where: str, value: Any) -> RoomKind:
+    if value not in list(RoomKind):
+        raise ValueError(f"{where}.furnish must be one of {', '.join(RoomKind)}, got '{value}'")
+    return RoomKind(value)
+
+
+def _material(where: str, value: Any, choices: tuple[Material, ...]) -> Material:
+    names = {m.name.lower(): m for m in choices}
+    if value not in names:
+        raise ValueError(f"{where}.material must be one of {', '.join(names)}, got '{value}'")
+    return names[value]
+
+
+def _only(where: str, item: Any, fields: set[str]) -> None:
+    if not isinstance(item, dict):
+        raise ValueError(f"{where} must be a mapping, got '{item}'")
+    unknown = sorted(set(map(str, item)) - fields)
+    if unknown:
+        raise ValueError(f"{where} has an unknown field '{unknown[0]}'; known are {', '.join(sorted(fields))}")
+
+
+def _list(document: dict[str, Any], key: str) -> list[Any]:
+    value = document.get(key, [])
+    if not isinstance(value, list):
+        raise ValueError(f"field '{key}' must be a list")
+    return value
+
+
+def _numbers(where: str, value: Any, count: int) -> list[float]:
+    numbers = value if isinstance(value, list) else []
+    ok = len(numbers) == count and all(isinstance(v, int | float) and not isinstance(v, bool) for v in numbers)
+    if not ok or not all(math.isfinite(v) for v in numbers):
+        raise ValueError(f"{where} must be {count} finite number{'s' if count > 1 else ''}, got '{value}'")
+    return [float(v) for v in numbers]
+
+
+def _points(where: str, value: Any) -> npt.NDArray[np.float64]:
+    if not isinstance(value, list) or len(value) < 2:
+        raise ValueError(f"{where} must be a list of at least two points [x, y], got '{value}'")
+    return np.array([_numbers(f"{where}[{k}]", point, 2) for k, point in enumerate(value)])
+
+
+def _positive(where: str, value: Any) -> float:
+    number = _numbers(where, [value], 1)[0]
+    if number <= 0.0:
+        raise ValueError(f"{where} must be > 0, got {number:g}")
+    return number
+
+
+def _seed(value: Any) -> int:
+    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
+        raise ValueError(f"seed must be a whole number >= 0, got '{value}'")
+    return value
