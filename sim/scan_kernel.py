@@ -1,0 +1,237 @@
+"""The kernel that casts whole scans: geometry first, beam by beam, then what goes wrong with each return."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from sim.counter_random import normal_at, stream_key, uniform_at
+from sim.lidar_noise import NoiseConfig
+from sim.ray_casting import Discs, SegmentGrid, first_disc, first_wall, first_walls
+
+_SCAN_SHIFT = np.uint64(20)
+"""A beam's counter is scan << 20 | beam."""
+_EDGE_M = 0.3
+"""A difference of two neighbouring ranges above it is an edge."""
+_GLASS_MIRROR_COS = math.cos(math.radians(8.0))
+"""Nearer to the normal than this, glass throws the beam back."""
+_STEPS_PER_M = 1000.0
+"""Ranges are multiples of 1 mm, as real sensors give them."""
+
+
+class Effects(NamedTuple):
+    """`NoiseConfig` as the kernel takes it."""
+
+    range_sigma_m: float
+    range_sigma_ratio: float
+    angle_sigma_rad: float
+    dropout: float
+    max_range_miss: float
+    mixed_pixel: float
+    glass: float
+    incidence_loss: float
+
+
+class EffectKeys(NamedTuple):
+    """The stream of each effect."""
+
+    range_m: np.uint64
+    range_ratio: np.uint64
+    angle: np.uint64
+    dropout: np.uint64
+    max_range_miss: np.uint64
+    mixed_pixel: np.uint64
+    mixed_weight: np.uint64
+    glass: np.uint64
+    incidence_loss: np.uint64
+
+
+class Scanner(NamedTuple):
+    """A lidar as the kernel takes it."""
+
+    directions: npt.NDArray[np.float64]
+    """(B, 2) unit vectors of the beams in frame ``lidar``."""
+    range_min_m: float
+    range_max_m: float
+    time_increment_s: float
+    """Time between beams; 0 without skew."""
+
+
+class Surroundings(NamedTuple):
+    """What beams can meet."""
+
+    grid: SegmentGrid
+    glass: npt.NDArray[np.bool_]
+    """(N,) which walls are of glass."""
+    discs: Discs
+    """Moving obstacles: one row a scan of the chunk, or one for all."""
+
+
+def effects_of(noise: NoiseConfig) -> Effects:
+    """The settings of the effects."""
+    return Effects(*(float(getattr(noise, name)) for name in Effects._fields))
+
+
+def effect_keys(seed: int, robot: str) -> EffectKeys:
+    """One stream for each effect of one robot's lidar."""
+    return EffectKeys(*(stream_key(seed, robot, name) for name in EffectKeys._fields))
+
+
+def cast_scans(
+    surroundings: Surroundings,
+    scanner: Scanner,
+    motion: tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], int],
+    effects: Effects,
+    keys: EffectKeys,
+) -> npt.NDArray[np.float32]:
+    """Cast scans.
+
+    Args:
+        surroundings: Walls and obstacles.
+        scanner: The lidar.
+        motion: (S, 3) poses x, y, theta of the lidar at the scans' stamps, frame ``world``; (S, 3) their rates,
+            m/s and rad/s; the number of the first scan in its run.
+        effects: What goes wrong.
+        keys: The streams.
+
+    Returns:
+        (S, B) ranges in metres, by REP 117.
+    """
+    poses, rates, first = motion
+    out = np.empty((len(poses), len(scanner.directions)), dtype=np.float32)
+    _cast(surroundings, scanner, (poses, rates, np.uint64(first)), (effects, keys), out)
+    return out
+
+
+@njit(cache=True)
+def _cast(surroundings, scanner, motion, noise, out):  # type: ignore[no-untyped-def] # a kernel
+    poses, rates, first = motion
+    num_beams = len(scanner.directions)
+    rays = np.empty((num_beams, 4))
+    true_m, cosines, walls = np.empty(num_beams), np.empty(num_beams), np.empty(num_beams, dtype=np.int64)
+    for s in range(len(poses)):
+        counter = (first + np.uint64(s)) << _SCAN_SHIFT
+        _aim(scanner, (poses[s], rates[s], counter), noise, rays)
+        first_walls(surroundings.grid, rays, true_m, walls)
+        if noise[0].glass > 0.0:
+            _pass_glass(surroundings, (rays, counter), noise, (true_m, walls))
+        _measure_incidence(surroundings.grid, rays, walls, cosines)
+        if len(surroundings.discs.radii_m):
+            _meet_discs(surroundings.discs, min(s, len(surroundings.discs.centers_m) - 1), rays, (true_m, cosines))
+        for b in range(num_beams):
+            true_m[b] = true_m[b] * scanner.range_max_m if true_m[b] <= 1.0 else np.inf
+        for b in range(num_beams):
+            out[s, b] = _disturb(scanner, (true_m, cosines), b, counter | np.uint64(b), noise)
+
+
+@njit(cache=True)
+def _aim(scanner, scan, noise, rays):  # type: ignore[no-untyped-def] # a kernel
+    """The rays of a scan: where each beam starts and how it goes to the largest range."""
+    pose, rate, counter = scan
+    effects, keys = noise
+    heading_x, heading_y = math.cos(pose[2]), math.sin(pose[2])
+    turn_x, turn_y = math.cos(rate[2] * scanner.time_increment_s), math.sin(rate[2] * scanner.time_increment_s)
+    for b in range(len(rays)):
+        ahead_x, ahead_y = scanner.directions[b, 0], scanner.directions[b, 1]
+        if effects.angle_sigma_rad > 0.0:
+            off = effects.angle_sigma_rad * normal_at(keys.angle, counter | np.uint64(b))
+            ahead_x, ahead_y = _turn_slightly(ahead_x, ahead_y, off)
+        passed_s = b * scanner.time_increment_s
+        rays[b, 0], rays[b, 1] = pose[0] + passed_s * rate[0], pose[1] + passed_s * rate[1]
+        rays[b, 2] = scanner.range_max_m * (heading_x * ahead_x - heading_y * ahead_y)
+        rays[b, 3] = scanner.range_max_m * (heading_y * ahead_x + heading_x * ahead_y)
+        heading_x, heading_y = heading_x * turn_x - heading_y * turn_y, heading_y * turn_x + heading_x * turn_y
+
+
+@njit(cache=True)
+def _pass_glass(surroundings, beams, noise, found):  # type: ignore[no-untyped-def] # a kernel
+    """Let beams that glass does not throw back go on to what is behind it."""
+    rays, counter = beams
+    effects, keys = noise
+    fractions, walls = found
+    grid = surroundings.grid
+    for b in range(len(rays)):
+        if walls[b] < 0 or not surroundings.glass[walls[b]]:
+            continue
+        ray = (rays[b, 0], rays[b, 1], rays[b, 2], rays[b, 3])
+        mirrored = _incidence_cos(grid.segments, walls[b], ray) > _GLASS_MIRROR_COS
+        if not mirrored and uniform_at(keys.glass, counter | np.uint64(b)) < effects.glass:
+            fractions[b], walls[b] = first_wall(grid, surroundings.glass, ray)
+
+
+@njit(cache=True)
+def _measure_incidence(grid, rays, walls, cosines):  # type: ignore[no-untyped-def] # a kernel
+    for b in range(len(rays)):
+        ray = (rays[b, 0], rays[b, 1], rays[b, 2], rays[b, 3])
+        cosines[b] = _incidence_cos(grid.segments, walls[b], ray) if walls[b] >= 0 else 0.0
+
+
+@njit(cache=True)
+def _meet_discs(discs, row, rays, found):  # type: ignore[no-untyped-def] # a kernel
+    """Cut beams short at discs."""
+    fractions, cosines = found
+    for b in range(len(rays)):
+        t, cosine = first_disc(discs, row, (rays[b, 0], rays[b, 1], rays[b, 2], rays[b, 3]))
+        if t < fractions[b]:
+            fractions[b], cosines[b] = t, cosine
+
+
+@njit(cache=True)
+def _incidence_cos(segments, wall, ray):  # type: ignore[no-untyped-def] # a kernel
+    """Cosine of the angle between a ray and a wall's normal."""
+    across = abs(ray[2] * segments[wall, 4] + ray[3] * segments[wall, 5])
+    return min(across / math.sqrt(ray[2] * ray[2] + ray[3] * ray[3]), 1.0)
+
+
+@njit(cache=True)
+def _turn_slightly(x, y, angle):  # type: ignore[no-untyped-def] # a kernel
+    """Turn a vector by a small angle (series to the fifth order)."""
+    square = angle * angle
+    cosine, sine = 1.0 - square / 2.0 * (1.0 - square / 12.0), angle * (1.0 - square / 6.0 * (1.0 - square / 20.0))
+    return x * cosine - y * sine, x * sine + y * cosine
+
+
+@njit(cache=True)
+def _disturb(scanner, found, b, counter, noise):  # type: ignore[no-untyped-def] # a kernel
+    """The range that beam b reads."""
+    effects, keys = noise
+    true_m, cosines = found
+    range_m = true_m[b]
+    if range_m == np.inf:
+        return np.inf
+    if effects.incidence_loss > 0.0:
+        grazing = (1.0 - cosines[b]) ** 2
+        if uniform_at(keys.incidence_loss, counter) < effects.incidence_loss * grazing * grazing:
+            return np.inf
+    if effects.max_range_miss > 0.0:
+        share = range_m / scanner.range_max_m
+        if uniform_at(keys.max_range_miss, counter) < effects.max_range_miss * share * share:
+            return np.inf
+    if effects.dropout > 0.0 and uniform_at(keys.dropout, counter) < effects.dropout:
+        return np.nan
+    if effects.mixed_pixel > 0.0:
+        range_m += _mix_surfaces(true_m, b, counter, noise)
+    if effects.range_sigma_m > 0.0:
+        range_m += effects.range_sigma_m * normal_at(keys.range_m, counter)
+    if effects.range_sigma_ratio > 0.0:
+        range_m += effects.range_sigma_ratio * true_m[b] * normal_at(keys.range_ratio, counter)
+    range_m = math.floor(range_m * _STEPS_PER_M + 0.5) / _STEPS_PER_M
+    if range_m < scanner.range_min_m:
+        return -np.inf
+    return range_m if range_m <= scanner.range_max_m else np.inf
+
+
+@njit(cache=True)
+def _mix_surfaces(true_m, b, counter, noise):  # type: ignore[no-untyped-def] # a kernel
+    """Metres that a beam beside an edge reads beyond, or short of, its own surface."""
+    effects, keys = noise
+    chance = uniform_at(keys.mixed_pixel, counter)
+    if chance >= effects.mixed_pixel:
+        return 0.0
+    neighbour = b + 1 if 2.0 * chance < effects.mixed_pixel else b - 1
+    if neighbour < 0 or neighbour >= len(true_m) or true_m[neighbour] == np.inf:
+        return 0.0
+    gap_m = true_m[neighbour] - true_m[b]
+    return uniform_at(keys.mixed_weight, counter) * gap_m if abs(gap_m) > _EDGE_M else 0.0
