@@ -1,0 +1,97 @@
+"""Anybody's merger as a command: ``prog {maps} {out}`` reads a folder of maps and writes ``result.json``."""
+
+import os
+import resource
+import shlex
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from bench.isolation import Skipped, die_with_parent
+
+PLACEHOLDERS = ("{maps}", "{out}")
+"""What a command must contain."""
+SKIP_STATUS = 77
+"""Exit status of a command that cannot run here (as in Automake); its last line on stderr is the reason."""
+_ORDER = "order.txt"
+
+
+def check_command(command: str) -> None:
+    """Refuse a command that could not be called.
+
+    Raises:
+        ValueError: it is empty, cannot be split into words, or lacks a placeholder.
+    """
+    try:
+        words = shlex.split(command)
+    except ValueError as error:
+        raise ValueError(f"method.command: {error}: {command!r}") from None
+    missing = [name for name in PLACEHOLDERS if name not in command]
+    if not words or missing:
+        raise ValueError(f"method.command must contain {' and '.join(missing or PLACEHOLDERS)}, got {command!r}")
+
+
+def call_command(command: str, maps: Sequence[Path], out: Path) -> dict[str, Any]:
+    """Run an external method on copies of the maps, alone in a folder: the truth is nowhere near.
+
+    The folder holds the maps' YAML and image files, and ``order.txt``, their names in the order in which a
+    sequential method is to take them.
+
+    Args:
+        command: The command, split as a shell would, with ``{maps}`` and ``{out}``.
+        maps: YAML files of the maps, in order.
+        out: Where it may write; ``result.json`` is read from there.
+
+    Returns:
+        Its time and peak memory.
+
+    Raises:
+        Skipped: it ended with status 77.
+        RuntimeError: it could not be started, or ended with another status than 0 (or 1, with a ``result.json``).
+    """
+    with tempfile.TemporaryDirectory(prefix="mapmerge-") as folder:
+        copies = Path(folder) / "maps"
+        _copy_maps(maps, copies)
+        words = [w.replace("{maps}", str(copies)).replace("{out}", str(out.absolute())) for w in shlex.split(command)]
+        start = time.perf_counter()
+        status, last_line = _run(words, Path(folder))
+        wall_s = time.perf_counter() - start
+    if status == SKIP_STATUS:
+        raise Skipped(last_line or "the command says that it cannot run here")
+    answered = status == 0 or (status == 1 and (out / "result.json").is_file())  # 1: nothing could be merged
+    if not answered:
+        raise RuntimeError(f"the command ended with exit status {status}" + (f": {last_line}" if last_line else ""))
+    peak_mb = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024.0
+    return {"wall_s": wall_s, "peak_memory_mb": peak_mb}
+
+
+def _copy_maps(maps: Sequence[Path], folder: Path) -> None:
+    folder.mkdir()
+    for path in maps:
+        shutil.copy(path, folder / path.name)
+        shutil.copy(path.with_suffix(".pgm"), folder / path.with_suffix(".pgm").name)
+    (folder.parent / _ORDER).write_text("".join(f"{path.stem}\n" for path in maps), encoding="utf-8")
+
+
+def _run(words: list[str], folder: Path) -> tuple[int, str]:
+    """Run a command to its end: its exit status and the last line that it wrote to stderr."""
+    log = folder / "stderr.txt"
+    try:
+        with log.open("wb") as stderr:
+            done = subprocess.run(
+                words,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=stderr,
+                check=False,
+                env=os.environ | {"PYTHONDONTWRITEBYTECODE": "1"},
+                preexec_fn=die_with_parent,  # the calling process has one thread
+            )
+    except OSError as error:
+        raise RuntimeError(f"the command cannot be started: {error.strerror}: {words[0]}") from None
+    lines = log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
+    return done.returncode, " ".join(lines[-1].split())[:300] if lines else ""

@@ -1,0 +1,157 @@
+"""Run a function in a process of its own: a crash, a hang or a flood of memory becomes a record with a reason.
+
+Processes are forked from a small server that has already imported what methods need, so that a call costs
+milliseconds, not the second that importing takes. A child dies with the program that asked for it.
+"""
+
+import contextlib
+import ctypes
+import multiprocessing
+import os
+import resource
+import signal
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from multiprocessing import connection
+from multiprocessing.context import ForkServerProcess
+from typing import Any
+
+import psutil
+
+from bench.cell import Outcome
+
+_POLL_S = 0.1
+_PR_SET_PDEATHSIG = 1
+_CONTEXT = multiprocessing.get_context("forkserver")
+_START = threading.Lock()
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a call may use."""
+
+    time_s: float
+    """Seconds, greater than 0."""
+    memory_mb: float
+    """Resident memory of the whole process tree, MiB, greater than 0."""
+
+
+class Skipped(Exception):  # noqa: N818  # it is no error, it is an answer
+    """Raised by a call that cannot run here, because something optional is missing; the message says what."""
+
+
+def warm_up(modules: list[str]) -> None:
+    """Name the modules that calls will need; imported once, by the server, before the first call."""
+    _CONTEXT.set_forkserver_preload(modules)
+
+
+def run_isolated(function: Callable[..., dict[str, Any] | None], arguments: tuple[Any, ...], limits: Limits) -> Outcome:
+    """Call a function in a fresh process.
+
+    Args:
+        function: A module-level function; the dictionary that it may return gives fields of the outcome.
+        arguments: Its arguments, picklable.
+        limits: When to stop it.
+
+    Returns:
+        Status ``ok``; ``skipped`` if it raised `Skipped`; else ``failed`` with the reason: the exception, the signal
+        that ended it, or the limit that it broke.
+    """
+    receiver, sender = _CONTEXT.Pipe(duplex=False)
+    process = _CONTEXT.Process(target=_child, args=(sender, function, arguments), daemon=False)
+    with _START:
+        process.start()
+    sender.close()
+    start = time.monotonic()
+    try:
+        breach, polled_mb = _watch(process, receiver, limits, start)
+        answer = None if breach else _receive(receiver)
+    finally:
+        _end(process)
+        receiver.close()
+    if breach:
+        return Outcome("failed", breach, time.monotonic() - start, polled_mb)
+    if answer is None:
+        return Outcome("failed", _death(process.exitcode), time.monotonic() - start, polled_mb)
+    status, reason, fields = answer
+    fields.setdefault("wall_s", time.monotonic() - start)
+    fields["peak_memory_mb"] = max(
+        fields.get("peak_memory_mb", 0.0), polled_mb if "peak_memory_mb" not in fields else 0.0
+    )
+    return Outcome(status, reason, **fields)
+
+
+def die_with_parent() -> None:
+    """Ask the kernel to end this process when its parent ends (Linux; elsewhere nothing happens)."""
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def _child(sender: connection.Connection, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
+    os.setsid()
+    die_with_parent()
+    answer: tuple[str, str | None, dict[str, Any]]
+    try:
+        fields = function(*arguments) or {}
+        own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+        answer = ("ok", None, {"peak_memory_mb": own} | fields)
+    except Skipped as reason:
+        answer = ("skipped", str(reason), {})
+    except MemoryError:
+        answer = ("failed", "out of memory", {})
+    except Exception as error:  # noqa: BLE001  # whatever a method raises is its answer
+        answer = ("failed", _one_line(f"{type(error).__name__}: {error}"), {})
+    sender.send(answer)
+    sender.close()
+
+
+def _watch(
+    process: ForkServerProcess, receiver: connection.Connection, limits: Limits, start: float
+) -> tuple[str | None, float]:
+    """Wait until the child answers or dies; the limit it broke, if any, and the largest memory seen."""
+    peak_mb = 0.0
+    while not connection.wait([receiver, process.sentinel], timeout=_POLL_S):
+        peak_mb = max(peak_mb, _memory_mb(process.pid))
+        if time.monotonic() - start > limits.time_s:
+            return f"time limit of {limits.time_s:g} s", peak_mb
+        if peak_mb > limits.memory_mb:
+            return f"memory limit of {limits.memory_mb:g} MiB (had {peak_mb:.0f})", peak_mb
+    return None, peak_mb
+
+
+def _memory_mb(pid: int | None) -> float:
+    total = 0
+    with contextlib.suppress(psutil.Error):
+        root = psutil.Process(pid)
+        for member in [root, *root.children(recursive=True)]:
+            with contextlib.suppress(psutil.Error):
+                total += member.memory_info().rss
+    return total / 2**20
+
+
+def _receive(receiver: connection.Connection) -> Any:
+    try:
+        return receiver.recv()
+    except (EOFError, OSError):
+        return None
+
+
+def _end(process: ForkServerProcess) -> None:
+    """Let a child that has answered go; kill what is left of its session."""
+    process.join(timeout=1.0)
+    if process.pid is not None:
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(process.pid, signal.SIGKILL)
+    process.join(timeout=10.0)
+
+
+def _death(exit_code: int | None) -> str:
+    if exit_code is not None and exit_code < 0:
+        return f"crashed with {signal.Signals(-exit_code).name}"
+    return f"ended without an answer (exit status {exit_code})"
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())[:500]

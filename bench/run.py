@@ -1,0 +1,87 @@
+"""Run cells: several at a time, each in processes of its own, finished ones never twice."""
+
+import threading
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+from bench.cell import Cell, DatasetSpec, Outcome
+from bench.isolation import warm_up
+from bench.stages import ScoredCell, dataset_key, failed_cell, finish_dataset, finish_prediction, finish_score
+from bench.store import Store
+
+CellProgress = Callable[[ScoredCell, int, int], None]
+"""``progress(cell, done, total)`` is called, from any thread, as cells are finished."""
+
+_WARM_MODULES = ["bench.stages", "merger.pipeline", "sim.dataset", "scipy.spatial", "scipy.ndimage", "cv2", "numba"]
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How cells are run; no score depends on it."""
+
+    workers: int = 1
+    """Cells at a time."""
+    retry_failed: bool = False
+    """Whether failures of earlier runs are tried again."""
+
+
+def run_cells(
+    cells: Sequence[Cell], store: Store, options: RunOptions, progress: CellProgress | None = None
+) -> list[ScoredCell]:
+    """Finish every cell.
+
+    Args:
+        cells: What is measured.
+        store: Where finished stages lie.
+        options: How to run.
+        progress: Called as cells are finished.
+
+    Returns:
+        The finished cells, in the order given; a failure is a cell with its reason.
+    """
+    warm_up(_WARM_MODULES)
+    store.sweep_out()
+    runner = _Runner(store, options, progress, len(cells))
+    with ThreadPoolExecutor(max_workers=options.workers) as pool:
+        futures = [pool.submit(runner.finish, cell) for cell in cells]
+        try:
+            return [future.result() for future in futures]
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+class _Runner:
+    """Finishes single cells; datasets that several cells share are made by the first that comes."""
+
+    def __init__(self, store: Store, options: RunOptions, progress: CellProgress | None, total: int) -> None:
+        self._store, self._options, self._progress, self._total = store, options, progress, total
+        self._done = 0
+        self._lock = threading.Lock()
+        self._locks: dict[str, threading.Lock] = defaultdict(threading.Lock)
+        self._retried: set[str] = set()
+
+    def finish(self, cell: Cell) -> ScoredCell:
+        """One cell, from its dataset to its scores."""
+        made = self._make_dataset(cell.dataset)
+        if made.status != "ok":
+            scored = failed_cell(self._store, cell, made)
+        else:
+            outcome = finish_prediction(self._store, cell, self._options.retry_failed)
+            scored = finish_score(self._store, cell, outcome)
+        with self._lock:
+            self._done += 1
+            if self._progress:
+                self._progress(scored, self._done, self._total)
+        return scored
+
+    def _make_dataset(self, spec: DatasetSpec) -> Outcome:
+        key = dataset_key(spec)
+        with self._lock:
+            lock = self._locks[key]
+            retry = self._options.retry_failed and key not in self._retried
+            self._retried.add(key)
+        with lock:
+            return finish_dataset(self._store, spec, retry)

@@ -1,0 +1,136 @@
+"""The stages of a cell: dataset, prediction, scores; each is cached on disk and refuses what another config made."""
+
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from bench import code_version
+from bench.cell import Cell, DatasetSpec, MethodKind, MethodSpec, Outcome, hash_of
+from bench.isolation import Limits, run_isolated
+from bench.methods import call_method, python_methods
+from bench.prediction import PredictionError, read_prediction
+from bench.scores import score_failure, score_result
+from bench.store import Store
+from sim.config import to_plain_dict
+from sim.dataset import INDEX, make_dataset, read_dataset
+
+_OWN_LIMITS = Limits(time_s=3600.0, memory_mb=16384.0)
+"""Of the bench's own work: making a dataset, scoring."""
+
+
+@dataclass(frozen=True)
+class ScoredCell:
+    """A finished cell."""
+
+    cell: Cell
+    """What was measured."""
+    score: dict[str, Any]
+    """Columns of `bench.scores.Score`."""
+    maps: list[dict[str, Any]]
+    """Columns of `bench.scores.MapScore`, one per map."""
+    pairs: list[dict[str, Any]]
+    """Columns of `bench.scores.PairScore`, one per pair."""
+    dataset: Path
+    """Folder of the dataset."""
+    result: Path
+    """The ``result.json``, if there is one."""
+
+
+def dataset_key(spec: DatasetSpec) -> str:
+    """Key of a dataset: its configuration, the code that makes it, and the log that it is cut from."""
+    log = spec.config.source.path
+    content = code_version.file_version(Path(log)) if log else None
+    return hash_of([to_plain_dict(spec.config), code_version.dataset_version(), content])
+
+
+def prediction_key(cell: Cell) -> str:
+    """Key of an answer: dataset, method, seed, order, and the version of what answers."""
+    method = asdict(cell.method) | {"label": None}
+    return hash_of([dataset_key(cell.dataset), method, _method_version(cell.method), cell.seed, cell.order])
+
+
+def score_key(cell: Cell) -> str:
+    """Key of a row: its answer and the code that scores."""
+    return hash_of([prediction_key(cell), code_version.score_version()])
+
+
+def finish_dataset(store: Store, spec: DatasetSpec, retry_failed: bool) -> Outcome:
+    """Make a dataset unless it is there; a failure is remembered, too."""
+    key = dataset_key(spec)
+    if (store.dataset(key) / INDEX).is_file():
+        return Outcome("ok")
+    known = store.read("failed_datasets", key)
+    if known and not retry_failed:
+        return Outcome("failed", known["reason"])
+    outcome = run_isolated(_make, (spec, store.dataset(key)), _OWN_LIMITS)
+    if outcome.status != "ok":
+        outcome = replace(outcome, status="failed", reason=f"dataset: {outcome.reason}")
+        store.write("failed_datasets", key, {"reason": outcome.reason})
+    return outcome
+
+
+def finish_prediction(store: Store, cell: Cell, retry_failed: bool) -> Outcome:
+    """Run the method unless its answer is there."""
+    key = prediction_key(cell)
+    known = store.read("outcomes", key)
+    if known and not (retry_failed and known["status"] != "ok"):
+        return Outcome(**known)
+    limits = Limits(cell.method.time_limit_s, cell.method.memory_limit_mb)
+    with store.fill(store.prediction(key)) as folder:
+        arguments = (cell.method, store.dataset(dataset_key(cell.dataset)), cell.order, cell.seed, folder)
+        outcome = run_isolated(call_method, arguments, limits)
+    store.write("outcomes", key, asdict(outcome))
+    return outcome
+
+
+def finish_score(store: Store, cell: Cell, outcome: Outcome) -> ScoredCell:
+    """Score the answer of a cell unless that is done."""
+    key = score_key(cell)
+    dataset, answer = store.dataset(dataset_key(cell.dataset)), store.prediction(prediction_key(cell)) / "result.json"
+    document = store.read("scores", key)
+    if document is None or document["outcome"] != _comparable(outcome):
+        done = run_isolated(_score, (dataset, answer, outcome, store, key), _OWN_LIMITS)
+        document = store.read("scores", key)
+        if done.status != "ok" or document is None:
+            return failed_cell(store, cell, replace(outcome, status="failed", reason=f"scoring: {done.reason}"))
+    return ScoredCell(cell, document["score"], document["maps"], document["pairs"], dataset, answer)
+
+
+def failed_cell(store: Store, cell: Cell, outcome: Outcome) -> ScoredCell:
+    """A cell whose dataset could not be made, or whose answer could not be scored."""
+    dataset = store.dataset(dataset_key(cell.dataset))
+    num_maps = cell.dataset.config.submaps.count or 0
+    return ScoredCell(cell, asdict(score_failure(num_maps, outcome)), [], [], dataset, dataset / "result.json")
+
+
+def _make(spec: DatasetSpec, out: Path) -> None:
+    out.parent.mkdir(parents=True, exist_ok=True)
+    make_dataset(spec.config, out)
+
+
+def _score(dataset_folder: Path, answer: Path, outcome: Outcome, store: Store, key: str) -> None:
+    dataset = read_dataset(dataset_folder)
+    document: dict[str, Any] = {"outcome": _comparable(outcome), "maps": [], "pairs": []}
+    try:
+        if outcome.status == "ok":
+            score, maps, pairs = score_result(dataset, read_prediction(answer, dataset.truth.names), outcome)
+            document |= {"maps": [asdict(m) for m in maps], "pairs": [asdict(p) for p in pairs]}
+        else:
+            score = score_failure(len(dataset.maps), outcome)
+    except PredictionError as error:
+        score = score_failure(len(dataset.maps), replace(outcome, status="failed", reason=str(error)))
+    store.write("scores", key, document | {"score": asdict(score)})
+
+
+def _comparable(outcome: Outcome) -> dict[str, Any]:
+    """An outcome as it is compared after a trip through JSON, where NaN would differ from itself."""
+    return {name: str(value) for name, value in asdict(outcome).items()}
+
+
+def _method_version(method: MethodSpec) -> str:
+    if method.kind is MethodKind.EXTERNAL:
+        return code_version.command_version(method.target)
+    if method.kind is MethodKind.PYTHON:
+        point = python_methods().get(method.target)
+        return point.dist.version if point and point.dist else "unknown"
+    return code_version.merger_version()
