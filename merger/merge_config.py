@@ -2,9 +2,16 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from merger.compositing import CompositingConfig
+from merger.features import FeatureConfig
+from merger.motion_averaging import MotionAveragingConfig
+from merger.pairwise import PairwiseConfig
+from merger.ransac import RansacConfig
 from merger.result import Method
+from merger.spanning_tree import SpanningTreeConfig
+from merger.trimmed_icp import TrimmedIcpConfig
 
 Progress = Callable[[str, int, int], None]
 """``progress(stage, done, total)`` is called as the work goes on."""
@@ -30,6 +37,23 @@ class MergeConfig:
     """Cell side of the merged map, > 0; None: the reference map's."""
     composite: bool = True
     """Whether to make the merged map; without it `MergeResult.merged` is None."""
+    features: FeatureConfig = field(default_factory=FeatureConfig)
+    """Keypoints and their matches."""
+    ransac: RansacConfig = field(default_factory=RansacConfig)
+    """Motion guesses."""
+    icp: TrimmedIcpConfig = field(default_factory=TrimmedIcpConfig)
+    """TrICP."""
+    tree: SpanningTreeConfig = field(default_factory=SpanningTreeConfig)
+    """Sampling and confirming of spanning trees."""
+    averaging: MotionAveragingConfig = field(default_factory=MotionAveragingConfig)
+    """Motion averaging."""
+    compositing: CompositingConfig = field(default_factory=CompositingConfig)
+    """The merged map."""
+
+    @property
+    def pairwise(self) -> PairwiseConfig:
+        """The settings of Algorithm 1."""
+        return PairwiseConfig(self.features, self.ransac, self.icp)
 
     def __post_init__(self) -> None:
         """Refuse values out of range."""

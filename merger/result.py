@@ -96,7 +96,7 @@ class Runtime:
 class Objective:
     """How well the global motions explain the reliable relative ones, over all components.
 
-    Each residual is ``log(T_i @ T_i_j @ inv(T_j))`` (Eq. 15), seen at the source map's centre; 0 without a cycle.
+    A residual is ``log(inv(T_i_j) @ inv(T_i) @ T_j)``, seen in the middle of map j; all are 0 without a cycle.
     """
 
     residual_initial_m: float | None = None
@@ -132,7 +132,7 @@ class MergeResult:
     objective: Objective = field(default_factory=Objective)
     runtime_s: Runtime = field(default_factory=Runtime)
     merged: GridMap | None = None
-    """The largest component in one grid, in its reference's frame ``map``; None if read from a file or not asked for."""
+    """The largest component in one grid, in its reference's frame ``map``; None if it was not asked for."""
 
     @property
     def num_placed(self) -> int:

@@ -91,6 +91,13 @@ def adjoint(T: Array) -> Array:
     return adj
 
 
+def chain_information(information: Array, T_b_c: Array) -> Array:
+    """Information of ``T_a_b @ T_b_c`` by that of ``T_a_b``, each (..., 3, 3) and of v in ``T @ exp(v)``."""
+    # T_a_b exp(v) T_b_c = T_a_c exp(w) with v = Ad(T_b_c) w.
+    adj = adjoint(T_b_c)
+    return np.asarray(np.swapaxes(adj, -1, -2) @ information @ adj)
+
+
 def _series(omega: Array) -> tuple[Array, Array]:
     """``sin(w)/w`` and ``(1-cos(w))/w``, by their Taylor series near zero."""
     small = np.abs(omega) < _SMALL_ANGLE_RAD
