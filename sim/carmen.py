@@ -6,6 +6,7 @@ true_theta odom_x odom_y odom_theta ipc_time host logger_time`` (the true pose o
 Scans keep the file's order, even where their times do not.
 """
 
+import dataclasses
 import gzip
 import math
 import re
@@ -163,9 +164,11 @@ def _make_run(path: Path, name: str, scans: _Scans, parameters: dict[str, str], 
     T_odom = se2.make_motion(*np.array(scans.odometry).T)
     stamps = np.array(scans.stamps_s) - start_s
     trajectory = Trajectory(name, stamps, T_world_robot, se2.invert(T_odom[0]) @ T_odom)
-    lidar = _lidar(path, parameters, readings.shape[1], limit if math.isfinite(limit) else float(readings.max()))
-    lidar = LidarSpec(**{**vars(lidar), "T_robot_lidar": mounting, "scan_period_s": _period(stamps)})
-    return RobotRun(trajectory, lidar, lambda start, stop: ranges[start:stop])
+    limit = limit if math.isfinite(limit) else float(readings.max())
+    lidar = _lidar(path, parameters, readings.shape[1], limit, _period(stamps))
+    return RobotRun(
+        trajectory, dataclasses.replace(lidar, T_robot_lidar=mounting), lambda start, stop: ranges[start:stop]
+    )
 
 
 def _true_poses(
@@ -179,13 +182,20 @@ def _true_poses(
     return T_world_robot, (float(x), float(y), float(theta))
 
 
-def _lidar(path: Path, parameters: dict[str, str], num_beams: int, range_max_m: float) -> LidarSpec:
-    """The lidar by the log's parameters and the rule of counts."""
+def _lidar(path: Path, parameters: dict[str, str], num_beams: int, limit_m: float, period_s: float) -> LidarSpec:
+    """The lidar by the log's parameters (most of them only in logs of ours) and the rule of counts."""
     first, increment = beam_angles(num_beams)
     resolution = _parameter(path, parameters, "laser_front_laser_resolution", math.degrees(increment))
     centred = math.degrees(first) * math.radians(resolution) / increment
-    start = _parameter(path, parameters, "laser_front_laser_start_angle", centred)
-    return LidarSpec(num_beams, math.radians(start), math.radians(resolution), 0.0, range_max_m)
+    return LidarSpec(
+        num_beams,
+        math.radians(_parameter(path, parameters, "laser_front_laser_start_angle", centred)),
+        math.radians(resolution),
+        _parameter(path, parameters, "laser_front_laser_range_min", 0.0),
+        _parameter(path, parameters, "laser_front_laser_range_max", limit_m),
+        _parameter(path, parameters, "laser_front_laser_scan_period", period_s),
+        _parameter(path, parameters, "laser_front_laser_time_increment", 0.0),
+    )
 
 
 def _period(stamps_s: npt.NDArray[np.float64]) -> float:
@@ -200,6 +210,7 @@ def _parameter(path: Path, parameters: dict[str, str], name: str, default: float
         value = float(parameters.get(name, default))
     except ValueError:
         value = math.nan
-    if not value > 0.0 and name != "laser_front_laser_start_angle":
-        raise LogError(f"{path}: PARAM {name} must be a number > 0, got '{parameters.get(name)}'")
+    positive = name in ("laser_front_laser_resolution", "robot_front_laser_max")
+    if math.isnan(value) or (positive and value <= 0.0):
+        raise LogError(f"{path}: PARAM {name} must be a number{' > 0' * positive}, got '{parameters.get(name)}'")
     return value

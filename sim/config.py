@@ -3,10 +3,16 @@
 import dataclasses
 from dataclasses import dataclass, field
 from enum import Enum, StrEnum
+from types import MappingProxyType
 from typing import Any
 
 from sim.submap_mapping import MappingConfig
 from sim.submaps import SubmapsConfig
+
+_NUM_SUBMAPS = MappingProxyType({"tim": 4, "intel": 8, "fr079": 11})
+"""Submaps of the paper's data sets."""
+_OTHER_NUM_SUBMAPS = 8
+"""Submaps of other buildings, and of logs."""
 
 
 class SourceKind(StrEnum):
@@ -56,6 +62,14 @@ class SimConfig:
         """Refuse what cannot be."""
         if self.seed < 0:
             raise ValueError(f"seed must be >= 0, got {self.seed}")
+
+
+def num_submaps(config: SimConfig) -> int:
+    """Submaps of the whole dataset: as the config says, else what the style of the building has."""
+    if config.submaps.count is not None:
+        return config.submaps.count
+    simulated = config.source.kind is SourceKind.SIMULATED
+    return _NUM_SUBMAPS.get(config.world, _OTHER_NUM_SUBMAPS) if simulated else _OTHER_NUM_SUBMAPS
 
 
 def to_plain_dict(config: Any) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import dataclasses
 import re
 import types
 import typing
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -34,8 +34,7 @@ def writable_twin(config_class: Any) -> Any:
     return _twin(config_class)
 
 
-@cache
-def _twin(config_class: Any) -> Any:
+def _make_twin(config_class: Any) -> Any:
     hints = typing.get_type_hints(config_class)
     fields: list[tuple[str, Any, Any]] = []
     for field in dataclasses.fields(config_class):
@@ -46,6 +45,10 @@ def _twin(config_class: Any) -> Any:
         else:
             fields.append((field.name, kind, _default_of(field)))
     return dataclasses.make_dataclass(config_class.__name__, fields)
+
+
+_twin: Callable[[Any], Any] = cache(_make_twin)
+"""One twin for each class."""
 
 
 def register(name: str, config_class: type) -> None:

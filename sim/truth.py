@@ -13,6 +13,9 @@ from scipy.spatial import cKDTree
 
 from merger import se2
 from merger.grid_map import GridMap
+from sim.robot_run import Trajectory
+from sim.submap_mapping import SubmapResult
+from sim.submaps import SubmapCut
 
 _NEAR_CELLS = 2.0
 """Two occupied cells this close are the same wall."""
@@ -42,6 +45,31 @@ class Truth:
     """(N,) stamp of each submap's last scan."""
     overlap: npt.NDArray[np.float64]
     """(N, N) share of i's occupied cells within two cells of one of j's, by `overlap_fractions`."""
+
+
+def find_truth(trajectories: Sequence[Trajectory], cuts: Sequence[SubmapCut], submaps: Sequence[SubmapResult]) -> Truth:
+    """Align each submap's estimated poses to the true ones, and measure the overlaps.
+
+    Args:
+        trajectories: Of each robot.
+        cuts: N submaps: their robots and scans.
+        submaps: The N submaps.
+    """
+    parts = [(trajectories[cut.robot], cut.start, cut.stop) for cut in cuts]
+    fits = [
+        align_poses(trajectory.T_world_robot[start:stop], submap.T_map_robot)
+        for (trajectory, start, stop), submap in zip(parts, submaps, strict=True)
+    ]
+    T_world_map = np.stack([T for T, _ in fits])
+    return Truth(
+        names=tuple(cut.name for cut in cuts),
+        T_world_map=T_world_map,
+        distortion_rms_m=np.array([rms for _, rms in fits]),
+        robot=tuple(trajectory.robot for trajectory, _, _ in parts),
+        start_s=np.array([trajectory.stamps_s[start] for trajectory, start, _ in parts]),
+        end_s=np.array([trajectory.stamps_s[stop - 1] for trajectory, _, stop in parts]),
+        overlap=overlap_fractions([submap.grid for submap in submaps], T_world_map),
+    )
 
 
 def align_poses(
