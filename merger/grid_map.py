@@ -94,3 +94,20 @@ class GridMap:
 def logit(probability: float) -> float:
     """Log-odds of a probability in (0, 1)."""
     return math.log(probability / (1.0 - probability))
+
+
+def log_odds_from_probability(
+    probability: npt.NDArray[np.float64], occupied: npt.NDArray[np.bool_], free: npt.NDArray[np.bool_]
+) -> npt.NDArray[np.float32]:
+    """Log-odds of cells read from a file, so that the file's own thresholds keep their meaning.
+
+    Args:
+        probability: (H, W) probability of occupancy, 0..1.
+        occupied: (H, W) cells that the file calls occupied; they get at least `LOG_ODDS_OCCUPIED`.
+        free: (H, W) cells that the file calls free; they get at most `LOG_ODDS_FREE`.
+    """
+    clipped = np.clip(probability, 0.02, 0.98)
+    log_odds = np.log(clipped / (1.0 - clipped)).astype(np.float32)
+    log_odds[free] = np.minimum(log_odds[free], LOG_ODDS_FREE)
+    log_odds[occupied] = np.maximum(log_odds[occupied], LOG_ODDS_OCCUPIED)
+    return log_odds

@@ -19,6 +19,7 @@ import yaml
 
 from merger import grid_map, se2
 from merger.grid_map import GridMap
+from merger.whole_file import write_whole
 
 _PIXEL_OCCUPIED, _PIXEL_FREE, _PIXEL_UNKNOWN = 0, 254, 205
 _MODES = ("trinary", "scale", "raw")
@@ -62,19 +63,23 @@ def write_map(path: str | os.PathLike[str], grid: GridMap) -> None:
         path: The YAML file to write; the image gets the same stem and ``.pgm``.
         grid: The map; log-odds are reduced to occupied, free and unknown.
     """
-    path = Path(path)
+    for file, data in encode_map(Path(path), grid).items():
+        write_whole(file, data)
+
+
+def encode_map(path: Path, grid: GridMap) -> dict[Path, bytes]:
+    """The files that `write_map` writes, the image first: their paths and bytes."""
     pixels = np.full(grid.log_odds.shape, _PIXEL_UNKNOWN, dtype=np.uint8)
     pixels[grid.free] = _PIXEL_FREE
     pixels[grid.occupied] = _PIXEL_OCCUPIED
     rows, cols = grid.log_odds.shape
     image = path.with_suffix(".pgm")
-    _write_whole(image, b"P5\n%d %d\n255\n" % (cols, rows) + pixels[::-1].tobytes())
     x, y, yaw = (float(v) for v in se2.parameters_of(grid.T_map_grid))
     header = (
         f"image: {image.name}\nmode: trinary\nresolution: {grid.resolution_m!r}\norigin: [{x!r}, {y!r}, {yaw!r}]\n"
         f"negate: 0\noccupied_thresh: {grid_map.OCCUPIED_PROBABILITY}\nfree_thresh: {grid_map.FREE_PROBABILITY}\n"
     )
-    _write_whole(path, header.encode())
+    return {image: b"P5\n%d %d\n255\n" % (cols, rows) + pixels[::-1].tobytes(), path: header.encode()}
 
 
 def _read_header(path: Path) -> _Header:
@@ -175,21 +180,9 @@ def _log_odds_from_pixels(pixels: npt.NDArray[np.uint8], header: _Header) -> npt
     else:
         occupancy = grey / 255.0 if header.negate else (255.0 - grey) / 255.0
         occupied, free = occupancy > header.occupied_probability, occupancy < header.free_probability
-    log_odds = np.zeros(grey.shape, dtype=np.float32)
-    if header.mode != "trinary":
-        clipped = np.clip(occupancy, 0.02, 0.98)
-        log_odds[:] = np.log(clipped / (1.0 - clipped))
-    log_odds[free] = np.minimum(log_odds[free], grid_map.LOG_ODDS_FREE)
-    log_odds[occupied] = np.maximum(log_odds[occupied], grid_map.LOG_ODDS_OCCUPIED)
+    if header.mode == "trinary":
+        occupancy = np.full(grey.shape, 0.5)
+    log_odds = grid_map.log_odds_from_probability(occupancy, occupied, free)
     if pixels.shape[2] == 2:
         log_odds[pixels[:, :, 1] < 255] = 0.0
     return log_odds
-
-
-def _write_whole(path: Path, data: bytes) -> None:
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        temporary.write_bytes(data)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
