@@ -12,6 +12,7 @@ from pathlib import Path
 import bench
 import merger
 import sim
+from sim.version import package_version
 
 _LIBRARIES = ("numpy", "scipy", "opencv-python-headless", "numba")
 _MERGER_NOUNS = ("se2.py", "grid_map.py", "map_server.py")
@@ -54,7 +55,7 @@ def file_version(path: Path) -> str:
 def provenance() -> dict[str, str]:
     """Versions, revision and machine, for the report."""
     lines = {
-        "mapmerge-bench": _distribution_version("mapmerge-bench"),
+        "mapmerge-bench": package_version(),
         "revision": _git_revision(),
         "merger sources": merger_version(),
         "python": platform.python_version(),

@@ -111,6 +111,8 @@ def save_picture(figure: Figure, folder: Path, label: Label, data: pd.DataFrame)
     """
     with style(), matplotlib.rc_context({"svg.hashsalt": label.name}):
         text, image = io.StringIO(), io.BytesIO()
+        for _ in range(2):  # the layout settles at the second pass
+            figure.draw_without_rendering()
         figure.savefig(text, format="svg", metadata={"Date": None})
         figure.savefig(image, format="png", dpi=150, facecolor="white")
     svg = text.getvalue()

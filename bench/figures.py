@@ -34,7 +34,7 @@ def draw_pairs(exhibit: Exhibit, folder: Path) -> Picture:
             inliers[i, j] = 0.0 if np.isnan(pair.num_inliers) else pair.num_inliers
             words[i, j] = _word(pair)
     with drawing.style():
-        figure = drawing.new_figure(10.5, 3.9)
+        figure = drawing.new_figure(10.5, 4.2)
         axes = figure.subplots(1, 3)
         _draw_counts(axes[0], inliers)
         _draw_words(axes[1], np.where(words == "no_match", words, "rejected"))
@@ -49,7 +49,7 @@ def draw_pairs(exhibit: Exhibit, folder: Path) -> Picture:
             axis.tick_params(length=0, labelsize=8)
             axis.set_xlabel("map")
         handles = [Patch(color=PAIR_COLOURS[key], label=text) for key, text in _PAIR_WORDS.items()]
-        axes[2].legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=3, fontsize=8)
+        figure.legend(handles=handles, loc="outside lower right", ncols=3, fontsize=9)
     num_motions = sum(p.T_target_source is not None for p in exhibit.prediction.pairs)
     alt = (
         f"Three matrices of the {count} maps of {exhibit.label}: matches that agree, the {num_motions} pairs with a "
@@ -73,7 +73,8 @@ def draw_coarse_fine(exhibit: Exhibit, folder: Path) -> Picture:
         f"{score['num_placed']} of {score['num_maps']} maps placed, {score['num_wrong']} wrong."
     )
     title = f"{exhibit.label}, {exhibit.method}: merged map, coarse and fine (Fig. 8)"
-    return _draw_panels(exhibit, panels, folder, Label(_name("fig8", exhibit), title, alt))
+    known = [panel for panel in panels if np.isfinite(panel[1]).any()]
+    return _draw_panels(exhibit, known, folder, Label(_name("fig8", exhibit), title, alt))
 
 
 def draw_rivals(exhibits: Sequence[Exhibit], folder: Path) -> Picture:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -12,6 +13,7 @@ from merger import se2
 from merger.grid_map import GridMap
 
 Array = npt.NDArray[np.float64]
+_BRUSH = np.ones((2, 2), dtype=np.uint8)
 _FREE = (0.5, 0.5, 0.5, 0.16)
 
 
@@ -36,7 +38,7 @@ def draw_merge(
     for k in shown:
         occupied, free = grid_metrics.count_votes([maps[k]], T_world_map[k : k + 1], raster)
         image[(free > 0) & (image[..., 3] == 0.0)] = _FREE
-        walls.append((colours[k], occupied > 0))
+        walls.append((colours[k], cv2.dilate((occupied > 0).astype(np.uint8), _BRUSH) > 0))
     for colour, mask in walls:
         image[mask] = (*colour, 1.0)
     return np.asarray(np.rint(image[::-1] * 255.0), dtype=np.uint8)

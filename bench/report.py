@@ -48,7 +48,7 @@ def write_report(path: Path, report: Report) -> None:
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(_TEMPLATES), autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
-    sections = [s for s in report.sections if s.table is not None or s.pictures or s.text]
+    sections = [s for s in report.sections if s.table is not None or s.pictures]
     html = environment.get_template("report.html.j2").render(report=report, sections=[_plain(s) for s in sections])
     write_text(path, html)
 

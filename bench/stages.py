@@ -1,5 +1,6 @@
 """The stages of a cell: dataset, prediction, scores; each is cached on disk and refuses what another config made."""
 
+import math
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,8 +13,9 @@ from bench.prediction import PredictionError, read_prediction
 from bench.scores import score_failure, score_result
 from bench.store import Store
 from sim.config import to_plain_dict
-from sim.dataset import INDEX, make_dataset, read_dataset
+from sim.dataset import make_dataset, read_dataset
 
+_INDEX = "dataset.json"
 _OWN_LIMITS = Limits(time_s=3600.0, memory_mb=16384.0)
 """Of the bench's own work: making a dataset, scoring."""
 
@@ -57,7 +59,7 @@ def score_key(cell: Cell) -> str:
 def finish_dataset(store: Store, spec: DatasetSpec, retry_failed: bool) -> Outcome:
     """Make a dataset unless it is there; a failure is remembered, too."""
     key = dataset_key(spec)
-    if (store.dataset(key) / INDEX).is_file():
+    if (store.dataset(key) / _INDEX).is_file():
         return Outcome("ok")
     known = store.read("failed_datasets", key)
     if known and not retry_failed:
@@ -100,7 +102,8 @@ def failed_cell(store: Store, cell: Cell, outcome: Outcome) -> ScoredCell:
     """A cell whose dataset could not be made, or whose answer could not be scored."""
     dataset = store.dataset(dataset_key(cell.dataset))
     num_maps = cell.dataset.config.submaps.count or 0
-    return ScoredCell(cell, asdict(score_failure(num_maps, outcome)), [], [], dataset, dataset / "result.json")
+    blank = replace(outcome, wall_s=math.nan, peak_memory_mb=math.nan)
+    return ScoredCell(cell, asdict(score_failure(num_maps, blank)), [], [], dataset, dataset / "result.json")
 
 
 def _make(spec: DatasetSpec, out: Path) -> None:

@@ -1,0 +1,83 @@
+"""What the gate guards: every score with the direction that is better and how much worse it may get."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+HIGHER, LOWER = "higher", "lower"
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """How much worse one score may get against the same score of the same dataset, method and seed.
+
+    Of one seed the score may get worse by ``max(absolute, relative * |before|)``; the mean of the changes over the n
+    seeds of a cell by that divided by ``sqrt(n)``, because luck averages out and a regression does not.
+
+    Raises:
+        ValueError: a bound is negative, or ``better`` is neither ``higher`` nor ``lower``.
+    """
+
+    score: str
+    """Column of the scores, or ``num_right``: the maps that are placed and not wrong."""
+    better: str
+    """``higher`` or ``lower``."""
+    absolute: float = 0.0
+    """In the score's unit, at least 0."""
+    relative: float = 0.0
+    """As a share of the value before, at least 0."""
+    each_seed: bool = True
+    """Whether each seed is judged; else only the cell's median, because single values are noisy on any machine."""
+
+    def __post_init__(self) -> None:
+        """Refuse what is no tolerance."""
+        if self.better not in (HIGHER, LOWER):
+            raise ValueError(f"{self.score}: better must be {HIGHER} or {LOWER}, got {self.better!r}")
+        for name in ("absolute", "relative"):
+            if not getattr(self, name) >= 0:
+                raise ValueError(f"tolerance of {self.score}: {name} must be >= 0, got {getattr(self, name)}")
+
+    def allowed(self, before: float) -> float:
+        """How much worse one seed's score may get."""
+        return max(self.absolute, self.relative * abs(before))
+
+    def worsening(self, before: float, after: float) -> float:
+        """How much worse a score got; negative if it got better."""
+        return before - after if self.better == HIGHER else after - before
+
+
+TOLERANCES = (
+    Tolerance("success", HIGHER),
+    Tolerance("num_wrong", LOWER),
+    Tolerance("num_right", HIGHER),
+    Tolerance("max_error_m", LOWER, absolute=0.03, relative=0.5),
+    Tolerance("max_error_deg", LOWER, absolute=0.2, relative=0.5),
+    Tolerance("median_error_m", LOWER, absolute=0.01, relative=0.25),
+    Tolerance("median_error_deg", LOWER, absolute=0.05, relative=0.25),
+    Tolerance("objective", LOWER, absolute=0.03, relative=0.1),
+    Tolerance("edge_precision", HIGHER, absolute=0.05),
+    Tolerance("edge_recall", HIGHER, absolute=0.05),
+    Tolerance("edge_precision_initial", HIGHER, absolute=0.1),
+    Tolerance("edge_recall_initial", HIGHER, absolute=0.05),
+    Tolerance("iou_occupied", HIGHER, absolute=0.05),
+    Tolerance("iou_free", HIGHER, absolute=0.03),
+    Tolerance("brier", LOWER, absolute=0.05),
+    Tolerance("runtime_ratio", LOWER, absolute=20.0, relative=1.0, each_seed=False),
+    Tolerance("peak_memory_mb", LOWER, absolute=200.0, relative=0.5, each_seed=False),
+)
+"""The gate's table. Counts and success may not get worse at all; placement errors may by what rounding on another
+machine does to them; ``runtime_ratio`` (the reference workload takes about 15 ms) may double, and grow by 0.3 s."""
+
+
+def change_tolerances(
+    changes: Mapping[str, float], tolerances: tuple[Tolerance, ...] = TOLERANCES
+) -> tuple[Tolerance, ...]:
+    """The table with the absolute bound of some scores replaced; their relative bound is dropped.
+
+    Raises:
+        ValueError: the gate does not know a score, or a bound is negative.
+    """
+    known = [tolerance.score for tolerance in tolerances]
+    unknown = sorted(set(changes) - set(known))
+    if unknown:
+        raise ValueError(f"no tolerance for '{unknown[0]}': the gate knows {', '.join(known)}")
+    return tuple(replace(t, absolute=changes[t.score], relative=0.0) if t.score in changes else t for t in tolerances)
