@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from bench.gate_rows import GateRow, Value, check_unique, make_row
+from bench.gate_rows import CellName, GateRow, Value, check_unique, make_row
 from bench.gate_tolerances import TOLERANCES
 from bench.store import write_text
 
@@ -43,7 +43,7 @@ def read_baseline(path: Path) -> list[GateRow]:
 def _document(row: GateRow) -> dict[str, Any]:
     scores = {name: _rounded(row.scores[name]) for name in _KEPT if name in row.scores}
     reason = {"reason": row.reason} if row.reason else {}
-    return {"cell": dict(row.cell), "seed": row.seed, "status": row.status, **reason, "scores": scores}
+    return {"cell": dict(_named_first(row.cell)), "seed": row.seed, "status": row.status, **reason, "scores": scores}
 
 
 def _row(entry: object, path: Path) -> GateRow:
@@ -63,6 +63,10 @@ def _rounded(value: float) -> float:
 
 
 def _sort_key(row: GateRow) -> tuple[str, int]:
+    return json.dumps(_named_first(row.cell)), row.seed
+
+
+def _named_first(cell: CellName) -> CellName:
+    """A cell with dataset and method before what else names it, as a person looks for it."""
     first = {"dataset": 0, "method": 1}
-    names = sorted(row.cell, key=lambda item: (first.get(item[0], 2), item[0]))
-    return json.dumps(names), row.seed
+    return tuple(sorted(cell, key=lambda item: (first.get(item[0], 2), item[0])))

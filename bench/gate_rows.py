@@ -61,6 +61,8 @@ def read_rows(path: Path) -> list[GateRow]:
     """
     try:
         text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise ValueError(f"{path}: no such file: not a folder of results") from None
     except (OSError, UnicodeDecodeError) as error:
         raise ValueError(f"{path}: cannot be read ({type(error).__name__})") from None
     table = csv.DictReader(io.StringIO(text))
