@@ -1,33 +1,27 @@
-"""``python -m sim key=value ...`` writes a dataset; ``python -m sim check DIR`` verifies one."""
+"""``python -m sim key=value ...`` writes a dataset, ``-m`` a collection; ``python -m sim check DIR`` verifies one."""
 
 import sys
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
-from omegaconf import OmegaConf
+from omegaconf import DictConfig
+from tqdm import tqdm
 
-from sim.config import SimConfig
+from sim.collection import TABLE, CollectionItem, make_collection
+from sim.config import SimConfig, dataset_name
 from sim.dataset import make_dataset
-from sim.hydra_schema import build, compose_config, register
+from sim.dataset_check import check_dataset
+from sim.hydra_schema import build, compose_config
 from sim.resources import conf_folder
-
-
-@dataclass(frozen=True)
-class _Root(SimConfig):
-    """The keys of the command line: what makes a dataset, and what only concerns this run."""
-
-    out: str | None = None
-    """Folder to write; none: ``out/NAME``."""
-    workers: int = 1
-    """Processes or threads, >= 1; the result does not depend on it."""
-    quiet: bool = False
-    """No progress."""
+from sim.sim_schema import GROUPS, ROOT, RunConfig, register_schema, usage
+from sim.sweep import expand_sweep
 
 
 def main() -> None:
-    """Run the command line."""
+    """Run the command line: exit status 0, 1 (unsound or not all made) or 2 (bad input or usage)."""
     try:
-        _run(sys.argv[1:])
+        sys.exit(_run(sys.argv[1:]))
     except (ValueError, OSError) as error:
         print(f"sim: {' '.join(str(error).split())}", file=sys.stderr)
         sys.exit(2)
@@ -35,14 +29,82 @@ def main() -> None:
         sys.exit(130)
 
 
-def _run(arguments: list[str]) -> None:
-    register("sim_schema", _Root)
-    node = compose_config(conf_folder(), "sim", arguments)
-    config = build(SimConfig, node)
-    out = Path(node.out or "out/dataset")
-    make_dataset(config, out, workers=node.workers)
-    print(out)
-    OmegaConf.create()
+def _run(arguments: list[str]) -> int:
+    register_schema()
+    if {"-h", "--help"} & set(arguments):
+        print(usage(conf_folder()))
+        return 0
+    if arguments[:1] == ["check"]:
+        return _check(arguments[1:])
+    if {"-m", "--multirun"} & set(arguments):
+        return _make_many([word for word in arguments if word not in ("-m", "--multirun")])
+    return _make(compose_config(conf_folder(), ROOT, arguments))
+
+
+def _check(folders: Sequence[str]) -> int:
+    """Print what is wrong with each dataset."""
+    if not folders:
+        raise ValueError("check needs the folder of a dataset")
+    faults = [fault for folder in folders for fault in check_dataset(Path(folder))]
+    for fault in faults:
+        print(fault)
+    if not faults:
+        print("sound: " + ", ".join(folders))
+    return 1 if faults else 0
+
+
+def _make(node: DictConfig) -> int:
+    """Make one dataset."""
+    config, run = build(SimConfig, node), build(RunConfig, node)
+    out = Path(run.out or f"out/{dataset_name(config)}")
+    progress = _Bars(run.quiet)
+    make_dataset(config, out, workers=run.workers, progress=progress)
+    progress.close()
+    if not run.quiet:
+        print(out)
+    return 0
+
+
+def _make_many(overrides: list[str]) -> int:
+    """Make a collection."""
+    points = expand_sweep(conf_folder(), ROOT, overrides, GROUPS)
+    items = [CollectionItem(point.label, build(SimConfig, point.config), point.parameters) for point in points]
+    run = build(RunConfig, points[0].config)
+    out = Path(run.out or "out/collection")
+    with tqdm(total=len(items), desc="datasets", unit="", disable=run.quiet) as bar:
+        faults = make_collection(items, out, workers=run.workers, report=lambda _item, _fault: _advance(bar))
+    for label, fault in faults.items():
+        print(f"sim: {label}: {fault}", file=sys.stderr)
+    if not run.quiet:
+        print(f"{out / TABLE}: {len(items) - len(faults)} of {len(items)} datasets")
+    return 1 if faults else 0
+
+
+def _advance(bar: "tqdm[Any]") -> None:
+    bar.update()
+
+
+class _Bars:
+    """One progress bar for each stage."""
+
+    def __init__(self, quiet: bool) -> None:
+        self._quiet = quiet
+        self._stage = ""
+        self._bar: tqdm[Any] | None = None
+
+    def __call__(self, stage: str, done: int, total: int) -> None:
+        if stage != self._stage:
+            self.close()
+            self._stage = stage
+            self._bar = tqdm(total=total, desc=stage, unit="", disable=self._quiet, leave=False)
+        if self._bar is not None:
+            self._bar.update(done - self._bar.n)
+
+    def close(self) -> None:
+        """Clear the last bar."""
+        if self._bar is not None:
+            self._bar.close()
+            self._bar = None
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 import dataclasses
 from dataclasses import dataclass, field
 from enum import Enum, StrEnum
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -70,6 +71,17 @@ def num_submaps(config: SimConfig) -> int:
         return config.submaps.count
     simulated = config.source.kind is SourceKind.SIMULATED
     return _NUM_SUBMAPS.get(config.world, _OTHER_NUM_SUBMAPS) if simulated else _OTHER_NUM_SUBMAPS
+
+
+def dataset_name(config: SimConfig) -> str:
+    """Name of the dataset: as the config says, else the building and the seed."""
+    return config.name or f"{building_name(config)}-{config.seed}"
+
+
+def building_name(config: SimConfig) -> str:
+    """What the world or the log is called: its file's name without endings."""
+    log = config.source.path if config.source.kind is SourceKind.CARMEN else None
+    return Path(log or config.world).name.split(".")[0]
 
 
 def to_plain_dict(config: Any) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from merger.map_server import write_map
 from sim.card import write_card
-from sim.config import SimConfig, to_plain_dict
+from sim.config import SimConfig, dataset_name, to_plain_dict
 from sim.dataset_folder import write_index
 from sim.figures import draw_overview, draw_world
 from sim.recording import PlacedSubmap, Recording, write_recording
@@ -40,8 +40,8 @@ class DatasetContent:
 
     @property
     def name(self) -> str:
-        """Name of the dataset: as the config says, else the building and the seed."""
-        return self.config.name or f"{self.source.building}-{self.config.seed}"
+        """Name of the dataset."""
+        return dataset_name(self.config)
 
 
 def write_files(folder: Path, content: DatasetContent, report: Callable[[str, int, int], None]) -> None:

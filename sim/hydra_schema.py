@@ -56,6 +56,14 @@ def register(name: str, config_class: type) -> None:
     ConfigStore.instance().store(name=name, node=writable_twin(config_class))
 
 
+def group_choices(conf: Path, group: str) -> list[str]:
+    """Names of the choices of a config group, from files and from what has been registered."""
+    files = {path.stem for path in (conf / group).glob("*.yaml")}
+    store = ConfigStore.instance()
+    known = {name.removesuffix(".yaml") for name in store.list(group)} if group in store.repo else set()
+    return sorted(files | known)
+
+
 def compose_config(conf: Path, root: str, overrides: Sequence[str]) -> DictConfig:
     """Compose a root config with overrides.
 
@@ -67,7 +75,7 @@ def compose_config(conf: Path, root: str, overrides: Sequence[str]) -> DictConfi
         with initialize_config_dir(str(conf.absolute()), version_base="1.3"):
             return compose(root, overrides=[override.input_line or "" for override in parse_overrides(overrides)])
     except (HydraException, OmegaConfBaseException) as error:
-        raise OverrideError(_one_line(error)) from None
+        raise OverrideError(one_line(error)) from None
 
 
 def parse_overrides(overrides: Sequence[str]) -> list[Override]:
@@ -98,7 +106,7 @@ def build(config_class: type[T], node: DictConfig) -> T:
         try:
             values[field.name] = _value(hints[field.name], node[field.name])
         except OmegaConfBaseException as error:
-            raise OverrideError(_one_line(error)) from None
+            raise OverrideError(one_line(error)) from None
     return config_class(**values)
 
 
@@ -165,10 +173,10 @@ def _parse_override(override: str) -> Override:
         try:
             return parser.parse_override(f"{key}='{quoted}'")
         except HydraException:
-            raise OverrideError(_one_line(error)) from None
+            raise OverrideError(one_line(error)) from None
 
 
-def _one_line(error: Exception) -> str:
+def one_line(error: Exception) -> str:
     """What a hydra message and its cause say, on one line, without their advice."""
     texts = [str(error)]
     if error.__cause__ is not None and str(error.__cause__) not in texts[0]:

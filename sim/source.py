@@ -7,7 +7,7 @@ from pathlib import Path
 
 from merger.grid_map import GridMap
 from sim.carmen import read_carmen
-from sim.config import SimConfig, SourceKind
+from sim.config import SimConfig, SourceKind, building_name
 from sim.robot_run import RobotRun
 from sim.submap_mapping import map_ground_truth
 
@@ -45,4 +45,4 @@ def _read_log(config: SimConfig) -> Source:
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     ground_truth = map_ground_truth(runs, config.mapping.occupancy)
-    return Source(path.name.split(".")[0], runs, ground_truth, {"log": path.name, "log_sha256": digest})
+    return Source(building_name(config), runs, ground_truth, {"log": path.name, "log_sha256": digest})
