@@ -4,8 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy import sparse
-from scipy.sparse.linalg import splu
 
 from merger import se2
 from merger.motion_graph import MotionGraph
@@ -50,8 +48,8 @@ def average_motions(
     """Refine global motions until they explain all relative motions as well as they can.
 
     Each round linearises (Eqs. 14-16), solves by the pseudo-inverse of D (Eq. 18), and updates from the left
-    (Eq. 19). D is constant and has the identity of order 3 in each block, so one factorisation of the graph's
-    Laplacian serves all rounds. The converged answer does not depend on which map is the root.
+    (Eq. 19). D is constant and has the identity of order 3 in each block, so it is inverted once, with one number
+    a block. The converged answer does not depend on which map is the root.
 
     Note: The sign of Eq. 14 contradicts Eqs. 15 and 16; these two, with the left update of Eq. 19, are used.
 
@@ -67,21 +65,20 @@ def average_motions(
         return AveragingResult(T_root_map, 0, True)
     i, j = graph.edges.T
     D = _make_indicator(graph)
-    solver = splu((D.T @ D).tocsc())
+    D_pinv = np.linalg.solve(D.T @ D, D.T)  # D has full column rank where the graph is connected.
     for iteration in range(config.max_iterations):
         dT_i_j = T_root_map[i] @ graph.T_i_j @ se2.invert(T_root_map[j])  # Eq. (15).
-        increments = solver.solve(D.T @ se2.log(dT_i_j))  # Eqs. (12), (17), (18).
+        increments = D_pinv @ se2.log(dT_i_j)  # Eqs. (12), (17), (18).
         T_root_map = np.concatenate([T_root_map[:1], se2.exp(increments) @ T_root_map[1:]])  # Eq. (19).
         if np.abs(increments).max() < config.tolerance:
             return AveragingResult(T_root_map, iteration + 1, True)
     return AveragingResult(T_root_map, config.max_iterations, False)
 
 
-def _make_indicator(graph: MotionGraph) -> sparse.csr_array:
+def _make_indicator(graph: MotionGraph) -> npt.NDArray[np.float64]:
     """(E, N - 1) matrix D of Eq. 16, one number for each block of order 3: 1 at j, -1 at i, no column for map 0."""
+    D = np.zeros((len(graph.edges), graph.num_maps))
     row = np.arange(len(graph.edges))
-    rows = np.concatenate([row, row])
-    cols = np.concatenate([graph.edges[:, 1], graph.edges[:, 0]])
-    values = np.concatenate([np.ones(len(row)), -np.ones(len(row))])
-    full = sparse.csr_array((values, (rows, cols)), shape=(len(row), graph.num_maps))
-    return full[:, 1:]
+    D[row, graph.edges[:, 1]] = 1.0
+    D[row, graph.edges[:, 0]] = -1.0
+    return D[:, 1:]

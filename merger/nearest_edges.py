@@ -42,11 +42,20 @@ def index_edges(points_grid: npt.NDArray[np.float64], cell_m: float) -> EdgeInde
 
 def find_nearest_quickly(index: EdgeIndex, points_grid: npt.NDArray[np.float64]) -> npt.NDArray[np.int32]:
     """Look up the indices (M,) of the edge points nearest to (M, 2) points: right but for about a cell."""
-    cells = ((points_grid - index.corner_m) * (1.0 / index.cell_m)).astype(np.intp)
     rows, cols = index.table.shape
-    return np.asarray(index.table[cells[:, 1].clip(0, rows - 1), cells[:, 0].clip(0, cols - 1)])
+    scaled = (points_grid - index.corner_m) * (1.0 / index.cell_m)
+    col = np.clip(scaled[:, 0], 0, cols - 1).astype(np.int32)
+    row = np.clip(scaled[:, 1], 0, rows - 1).astype(np.int32)
+    return np.asarray(index.table.ravel()[row * cols + col])
 
 
-def find_nearest(index: EdgeIndex, points_grid: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
-    """Find the indices (M,) of the edge points nearest to (M, 2) points, exactly."""
-    return np.asarray(index.tree.query(points_grid)[1])
+def find_nearest(index: EdgeIndex, points_grid: npt.NDArray[np.float64]) -> npt.NDArray[np.int32]:
+    """Find the indices (M,) of the edge points nearest to (M, 2) points.
+
+    Exact for points within four cells of an edge point; farther ones keep the table's answer.
+    """
+    nearest = find_nearest_quickly(index, points_grid)
+    offset = points_grid - index.points_grid[nearest]
+    near = np.flatnonzero(np.einsum("ij,ij->i", offset, offset) < (4.0 * index.cell_m) ** 2)
+    nearest[near] = index.tree.query(points_grid[near])[1]
+    return nearest

@@ -52,10 +52,10 @@ def map_in_threads(
     work: Callable[[_Item], _Answer], items: Sequence[_Item], workers: int, stage: str, progress: Progress
 ) -> list[_Answer]:
     """Do the same work on every item, in threads; the answers come in the items' order."""
+    progress(stage, 0, len(items))
     answers: list[_Answer] = []
     with ThreadPoolExecutor(max_workers=workers) as pool:
-        progress(stage, 0, len(items))
-        for answer in pool.map(work, items):
+        for answer in pool.map(work, items) if workers > 1 else map(work, items):
             answers.append(answer)
             progress(stage, len(answers), len(items))
     return answers
