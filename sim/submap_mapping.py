@@ -11,6 +11,7 @@ from merger import se2
 from merger.grid_map import GridMap
 from sim.mapping import OccupancyConfig, OccupancyMapper
 from sim.robot_run import RobotRun
+from sim.submap_poses import PoseEstimationConfig, estimate_poses
 
 _CHUNK_SCANS = 256
 """Scans that are in memory at a time."""
@@ -35,6 +36,8 @@ class MappingConfig:
     """Where the poses come from."""
     occupancy: OccupancyConfig = field(default_factory=OccupancyConfig)
     """How scans become cells."""
+    estimation: PoseEstimationConfig = field(default_factory=PoseEstimationConfig)
+    """How poses are estimated, where they are."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +86,8 @@ def _poses_from_first(
     run: RobotRun, start: int, stop: int, config: MappingConfig, T_map_first: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]:
     """(stop - start, 3, 3) poses ``T_map_robot``."""
+    if config.poses is PoseSource.SCAN_MATCHED:
+        return T_map_first @ estimate_poses(run, start, stop, config.estimation, config.occupancy.max_range_m)
     if config.poses is PoseSource.TRUTH:
         poses = run.trajectory.T_world_robot[start:stop]
     else:

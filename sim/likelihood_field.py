@@ -1,0 +1,185 @@
+"""The kernels of scan matching: a growing field of nearness to the surfaces seen so far, and how well points fit it.
+
+A cell's value is exp(-d^2 / (2 sigma^2)) of the distance d from its centre to the nearest surface; a surface is the
+line between the ends of two neighbouring beams, where they are close, else the end of a beam alone. The coarse field
+holds, for a block of BLOCK x BLOCK cells, the largest value of it and of the blocks above and to the right: a bound
+of what a point gains by any shift of less than a block (Olson, "Real-time correlative scan matching", ICRA 2009).
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+BLOCK = 4
+"""Cells along a side of a block of the coarse field."""
+REACH_SIGMAS = 3.0
+"""Farther than this from any surface the field is 0."""
+
+
+@njit(cache=True)
+def draw_surfaces(field, coarse, points, linked, sigma):  # type: ignore[no-untyped-def] # a kernel
+    """Draw surfaces into the fields, in place; what lies outside is cut.
+
+    Args:
+        field: (H, W) float32, H and W multiples of BLOCK.
+        coarse: (H / BLOCK, W / BLOCK) float32.
+        points: (P, 2) x, y in cells; NaN where there is none.
+        linked: (P,) whether a point and the next one bound the same surface.
+        sigma: Width of the field, cells.
+    """
+    for i in range(len(points)):
+        if linked[i]:
+            _draw_line(field, coarse, (points[i, 0], points[i, 1], points[i + 1, 0], points[i + 1, 1]), sigma)
+        elif points[i, 0] == points[i, 0] and not (i > 0 and linked[i - 1]):
+            _draw_line(field, coarse, (points[i, 0], points[i, 1], points[i, 0], points[i, 1]), sigma)
+
+
+@njit(cache=True)
+def _draw_line(field, coarse, line, sigma):  # type: ignore[no-untyped-def] # a kernel
+    ax, ay, bx, by = line
+    reach = REACH_SIGMAS * sigma
+    along_x, along_y = bx - ax, by - ay
+    length_squared = along_x * along_x + along_y * along_y
+    for row in range(max(int(min(ay, by) - reach), 0), min(int(max(ay, by) + reach), field.shape[0] - 1) + 1):
+        for column in range(max(int(min(ax, bx) - reach), 0), min(int(max(ax, bx) + reach), field.shape[1] - 1) + 1):
+            x, y = column + 0.5 - ax, row + 0.5 - ay
+            t = min(max((x * along_x + y * along_y) / length_squared, 0.0), 1.0) if length_squared > 0.0 else 0.0
+            x, y = x - t * along_x, y - t * along_y
+            distance_squared = x * x + y * y
+            if distance_squared < reach * reach:
+                value = np.float32(math.exp(-0.5 * distance_squared / (sigma * sigma)))
+                if value > field[row, column]:
+                    field[row, column] = value
+                    _raise_bounds(coarse, row // BLOCK, column // BLOCK, value)
+
+
+@njit(cache=True)
+def _raise_bounds(coarse, row, column, value):  # type: ignore[no-untyped-def] # a kernel
+    for r in range(max(row - 1, 0), row + 1):
+        for c in range(max(column - 1, 0), column + 1):
+            coarse[r, c] = max(coarse[r, c], value)
+
+
+@njit(cache=True)
+def search_pose(field, coarse, points, window, prior):  # type: ignore[no-untyped-def] # a kernel
+    """The best pose on a lattice around the predicted one, by branch and bound over blocks of shifts.
+
+    Args:
+        field: (H, W) float32.
+        coarse: Its bounds.
+        points: (P, 2) points in cells, relative to the predicted position, turned by the predicted heading.
+        window: Predicted position x, y in cells; half the width of the window in cells and in radians; step of the
+            headings in radians.
+        prior: Weight of one point's fit; inverse variance of a shift (1 / cells^2) and of a turn (1 / rad^2).
+
+    Returns:
+        Shift x, y (cells) and turn (radians) of the best pose, and its score.
+    """
+    x0, y0, reach, reach_rad, step_rad = window
+    weight, shift_information, turn_information = prior
+    num_turns, num_shifts = math.ceil(reach_rad / step_rad), math.ceil(reach / BLOCK)
+    side = 2 * num_shifts + 1
+    turned = np.empty((2 * num_turns + 1, len(points), 2))
+    bounds = np.empty((2 * num_turns + 1) * side * side)
+    for k in range(2 * num_turns + 1):
+        turn = (k - num_turns) * step_rad
+        cosine, sine = math.cos(turn), math.sin(turn)
+        for i in range(len(points)):
+            turned[k, i, 0] = x0 + cosine * points[i, 0] - sine * points[i, 1]
+            turned[k, i, 1] = y0 + sine * points[i, 0] + cosine * points[i, 1]
+        for a in range(side * side):
+            shift_x, shift_y = (a % side - num_shifts) * BLOCK, (a // side - num_shifts) * BLOCK
+            near_x = max(abs(shift_x + 0.5 * (BLOCK - 1)) - 0.5 * (BLOCK - 1), 0.0)
+            near_y = max(abs(shift_y + 0.5 * (BLOCK - 1)) - 0.5 * (BLOCK - 1), 0.0)
+            penalty = 0.5 * (shift_information * (near_x**2 + near_y**2) + turn_information * turn * turn)
+            bounds[k * side * side + a] = weight * _sum_at(coarse, turned[k], shift_x, shift_y, BLOCK) - penalty
+    best, best_x, best_y, best_turn = -np.inf, 0.0, 0.0, 0.0
+    for place in np.argsort(-bounds):
+        if bounds[place] <= best:
+            break
+        k, a = place // (side * side), place % (side * side)
+        turn = (k - num_turns) * step_rad
+        for b in range(BLOCK * BLOCK):
+            shift_x = (a % side - num_shifts) * BLOCK + b % BLOCK
+            shift_y = (a // side - num_shifts) * BLOCK + b // BLOCK
+            penalty = 0.5 * (shift_information * (shift_x**2 + shift_y**2) + turn_information * turn * turn)
+            score = weight * _sum_at(field, turned[k], shift_x, shift_y, 1) - penalty
+            if score > best:
+                best, best_x, best_y, best_turn = score, float(shift_x), float(shift_y), turn
+    return best_x, best_y, best_turn, best
+
+
+@njit(cache=True)
+def _sum_at(field, points, shift_x, shift_y, cells):  # type: ignore[no-untyped-def] # a kernel
+    """Sum of the values of the field, its cells ``cells`` wide, at shifted points; 0 outside."""
+    total = 0.0
+    rows, columns = field.shape
+    scale = 1.0 / cells
+    for i in range(len(points)):
+        row, column = math.floor((points[i, 1] + shift_y) * scale), math.floor((points[i, 0] + shift_x) * scale)
+        if 0 <= row < rows and 0 <= column < columns:
+            total += field[row, column]
+    return total
+
+
+@njit(cache=True)
+def refine_pose(field, points, pose, prior, num_iterations):  # type: ignore[no-untyped-def] # a kernel
+    """Gauss-Newton steps (with a Gaussian prior at the prediction) on the interpolated field.
+
+    Args:
+        field: (H, W) float32.
+        points: (P, 2) points in cells, relative to the predicted position, turned by the predicted heading.
+        pose: Predicted position x, y in cells; shift x, y and turn to start from.
+        prior: As in `search_pose`.
+        num_iterations: At most this many steps.
+
+    Returns:
+        Shift x, y (cells) and turn (radians), the mean value of the field at the points.
+    """
+    x0, y0, shift_x, shift_y, turn = pose
+    weight, shift_information, turn_information = prior
+    fit = 0.0
+    for _ in range(num_iterations):
+        H = np.zeros((3, 3))
+        g = np.zeros(3)
+        H[0, 0] = H[1, 1] = shift_information
+        H[2, 2] = turn_information
+        g[0], g[1], g[2] = -shift_information * shift_x, -shift_information * shift_y, -turn_information * turn
+        fit = 0.0
+        cosine, sine = math.cos(turn), math.sin(turn)
+        for i in range(len(points)):
+            x, y = cosine * points[i, 0] - sine * points[i, 1], sine * points[i, 0] + cosine * points[i, 1]
+            value, slope_x, slope_y = _interpolate(field, x0 + shift_x + x, y0 + shift_y + y)
+            fit += value
+            slope_turn = -slope_x * y + slope_y * x
+            miss = 2.0 * weight * (1.0 - value)
+            g[0] += miss * slope_x
+            g[1] += miss * slope_y
+            g[2] += miss * slope_turn
+            H[0, 0] += 2.0 * weight * slope_x * slope_x
+            H[0, 1] += 2.0 * weight * slope_x * slope_y
+            H[0, 2] += 2.0 * weight * slope_x * slope_turn
+            H[1, 1] += 2.0 * weight * slope_y * slope_y
+            H[1, 2] += 2.0 * weight * slope_y * slope_turn
+            H[2, 2] += 2.0 * weight * slope_turn * slope_turn
+        H[1, 0], H[2, 0], H[2, 1] = H[0, 1], H[0, 2], H[1, 2]
+        step = np.linalg.solve(H, g)
+        shift_x, shift_y, turn = shift_x + step[0], shift_y + step[1], turn + step[2]
+        if abs(step[0]) + abs(step[1]) < 1e-3 and abs(step[2]) < 1e-5:
+            break
+    return shift_x, shift_y, turn, fit / max(len(points), 1)
+
+
+@njit(cache=True)
+def _interpolate(field, x, y):  # type: ignore[no-untyped-def] # a kernel
+    """Value and slopes of the field at a point in cells, bilinear between cell centres; 0 outside."""
+    u, v = x - 0.5, y - 0.5
+    column, row = math.floor(u), math.floor(v)
+    if row < 0 or column < 0 or row >= field.shape[0] - 1 or column >= field.shape[1] - 1:
+        return 0.0, 0.0, 0.0
+    u, v = u - column, v - row
+    f00, f01 = field[row, column], field[row, column + 1]
+    f10, f11 = field[row + 1, column], field[row + 1, column + 1]
+    value = (1.0 - v) * ((1.0 - u) * f00 + u * f01) + v * ((1.0 - u) * f10 + u * f11)
+    return value, (1.0 - v) * (f01 - f00) + v * (f11 - f10), (1.0 - u) * (f10 - f00) + u * (f11 - f01)
