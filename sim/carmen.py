@@ -24,7 +24,9 @@ from sim.robot_run import LidarSpec, RobotRun, Trajectory
 _KNOWN_MAXIMA_M = (81.83, 50.0)
 """What the lidars of published logs report when nothing is in reach."""
 _SATURATED_SHARE = (0.001, 0.9)
-"""A largest reading that makes up such a share of all readings is the sensor's maximum, not a wall."""
+_SATURATED_COUNT = 100
+_SATURATED_M = 4.0
+"""A largest reading this far out, of which there are so many and such a share, is the sensor's maximum, not a wall."""
 _ROUNDING_M = 1e-4
 """Two readings this close are the same one, written differently."""
 _OWN_ROBOT = re.compile(r"robot_\d+")
@@ -89,9 +91,10 @@ def no_return_reading(ranges_m: npt.NDArray[np.float32]) -> float:
     for known in _KNOWN_MAXIMA_M:
         if known - _ROUNDING_M <= largest <= known + 0.1:
             return known
-    share = float(np.mean(ranges_m >= np.float32(largest - _ROUNDING_M)))
+    count = int(np.count_nonzero(ranges_m >= np.float32(largest - _ROUNDING_M)))
     low, high = _SATURATED_SHARE
-    return largest if low <= share <= high else math.inf
+    saturated = low <= count / ranges_m.size <= high and count >= _SATURATED_COUNT and largest >= _SATURATED_M
+    return largest if saturated else math.inf
 
 
 def _read_lines(path: Path) -> Iterator[tuple[int, list[str]]]:
