@@ -87,6 +87,19 @@ def draw_rivals(exhibits: Sequence[Exhibit], folder: Path) -> Picture:
     return _draw_panels(first, panels, folder, Label(_name("fig9", first, method=False), title, alt))
 
 
+def draw_failure(exhibit: Exhibit, folder: Path) -> Picture:
+    """What a method made of maps that it placed wrong: the right ones, all of them, and the truth."""
+    right = exhibit.T_world_map.copy()
+    right[exhibit.errors.wrong] = np.nan
+    names = [n for n, wrong in zip(exhibit.prediction.names, exhibit.errors.wrong, strict=True) if wrong]
+    truth = exhibit.dataset.truth.T_world_map
+    panels = [("all that it placed", exhibit.T_world_map), ("without the wrong maps", right), ("truth", truth)]
+    seed = exhibit.scored.cell.seed
+    title = f"{exhibit.label}, {exhibit.method}, seed {seed}: {len(names)} wrong of {len(truth)}"
+    alt = f"What {exhibit.method} made of {exhibit.label}; wrong are {', '.join(names)}. The right maps, and the truth."
+    return _draw_panels(exhibit, panels, folder, Label(_name(f"failure-{seed}", exhibit), title, alt))
+
+
 def draw_unreliable_pair(exhibit: Exhibit, folder: Path) -> Picture | None:
     """Fig. 7: a rejected pair by its initial and its refined motion, beside the truth; none without one."""
     rejected = [p for p in exhibit.prediction.pairs if p.status == "rejected" and p.T_target_source is not None]

@@ -80,7 +80,7 @@ def summarize(results: Results, by: Sequence[str]) -> pd.DataFrame:
         row |= {"runs": len(group), "success": share.value, "success_low": share.low, "success_high": share.high}
         row |= {f"{name}": int(group[name].sum()) for name in ("num_maps", "num_placed", "num_wrong")}
         for name in _MEDIANS:
-            row[name] = _median(group[name])
+            row[name] = median_of(group[name])
         row["failed"] = int((group["status"] == "failed").sum())
         rows.append(row)
     return pd.DataFrame(rows)
@@ -125,9 +125,15 @@ _MEDIANS = (
 )
 
 
-def _median(column: "pd.Series[Any]") -> float:
+def median_of(column: "pd.Series[Any]") -> float:
+    """Median of what is known; NaN where nothing is."""
     known = pd.to_numeric(column, errors="coerce").dropna()
     return float(known.median()) if len(known) else math.nan
+
+
+def records_of(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """The rows of a table, each by its columns."""
+    return [{str(name): value for name, value in row.items()} for row in table.to_dict("records")]
 
 
 def _key_columns(cell: ScoredCell) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """A small office as a CARMEN log, its dataset, and answers to score: what the tests of the bench share."""
 
+import itertools
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -136,7 +137,7 @@ def _loop() -> list[tuple[float, float, float]]:
     ]
     stops += stops[1:6]
     poses: list[tuple[float, float, float]] = []
-    for (x0, y0), (x1, y1) in zip(stops[:-1], stops[1:], strict=True):
+    for (x0, y0), (x1, y1) in itertools.pairwise(stops):
         heading = np.arctan2(y1 - y0, x1 - x0)
         steps = max(int(np.hypot(x1 - x0, y1 - y0) / 0.4), 1)
         poses += [(x0 + (x1 - x0) * s / steps, y0 + (y1 - y0) * s / steps, heading) for s in range(steps)]

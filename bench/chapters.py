@@ -1,0 +1,199 @@
+"""The chapters of a report: which tables and pictures an experiment deserves, and the sentences beside them."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from bench import curves, figures, order_metrics, pair_metrics, paper_tables
+from bench.drawing import Picture
+from bench.exhibit import Exhibit, first_of_each, load_exhibit
+from bench.report import Section
+from bench.settings import BenchSettings
+from bench.stages import ScoredCell
+from bench.tables import Results, summarize
+
+MAX_EXHIBITS = 12
+"""Results that are drawn, so that a sweep of thousands still gives a report that one can open."""
+MAX_FAILURES = 6
+"""Failures in the gallery."""
+_SHORT = {
+    "runs": "runs",
+    "success": "success",
+    "success_low": "low",
+    "success_high": "high",
+    "num_maps": "maps",
+    "num_placed": "placed",
+    "num_wrong": "wrong",
+    "max_error_m": "worst m",
+    "median_error_m": "median m",
+    "median_error_deg": "median deg",
+    "objective_initial": "Obj. coarse",
+    "objective": "Obj. fine",
+    "objective_floor": "Obj. floor",
+    "edge_precision": "precision",
+    "edge_recall": "recall",
+    "runtime_s": "T(s)",
+    "peak_memory_mb": "MiB",
+}
+_BEST_HIGH = ("success", "placed", "precision", "recall")
+_BEST_LOW = ("wrong", "worst m", "median m", "median deg")
+
+
+def main_table(settings: BenchSettings, results: Results) -> tuple[pd.DataFrame, list[str]]:
+    """The table that the experiment is about, and the sentences below it."""
+    if settings.table == "table1":
+        return paper_tables.make_table1(results)
+    if settings.table == "table2":
+        return paper_tables.make_table2(results)
+    if settings.table == "ablation":
+        return _summary(results, ["method"]), []
+    return _summary(results, ["dataset", *results.swept, "method"]), []
+
+
+def make_chapters(
+    settings: BenchSettings, results: Results, cells: Sequence[ScoredCell], folder: Path
+) -> list[Section]:
+    """All chapters, in order; pictures are written into a folder as they are drawn."""
+    table, sentences = main_table(settings, results)
+    text = "\n".join([_overview(results), *paper_tables.first_words(sentences)])
+    chapters = [Section("Results", text, table=table, best=_best(table))]
+    if settings.table in ("table1", "table2", "ablation"):
+        summary = _summary(results, ["dataset", "method"])
+        chapters.append(Section("Summary", "Medians over runs; counts are sums.", table=summary, best=_best(summary)))
+    chapters += _sweep_chapters(settings, results, folder)
+    if settings.orders:
+        chapters.append(Section("Order", _ORDER_TEXT, table=_order_table(cells)))
+    exhibits = [e for e in map(load_exhibit, first_of_each(cells)[:MAX_EXHIBITS]) if e]
+    chapters += [_error_chapter(results, folder), *_picture_chapters(exhibits, folder)]
+    failures = _failed_runs(results)
+    if not failures.empty:
+        chapters.append(Section("Runs without an answer", "What ended them.", table=failures))
+    chapters.append(Section("Gallery of failures", _GALLERY_TEXT, tuple(_gallery(cells, folder))))
+    return [c for c in chapters if c.table is not None or c.pictures]
+
+
+_ORDER_TEXT = (
+    "Largest difference between the relations of any two maps under two orders; it needs no truth. The sets of placed "
+    "maps ought to be the same."
+)
+_GALLERY_TEXT = (
+    "Runs with maps in wrong places: what the method made of it, the truth, and the confirmed pair that misled it."
+)
+
+
+def _summary(results: Results, by: Sequence[str]) -> pd.DataFrame:
+    table = summarize(results, by)
+    return table[[*by, *_SHORT]].rename(columns=_SHORT)
+
+
+def _overview(results: Results) -> str:
+    scores = results.scores
+    maps, wrong = int(scores["num_maps"].sum()), int(scores["num_wrong"].sum())
+    return (
+        f"{len(scores)} runs with {maps} maps; {wrong} maps are placed wrong: more than 0.5 m or 2° from where they "
+        "belong in the frame that fits most of their component. Success: every map is placed in one component and none "
+        "is wrong; low and high are its 95 % interval (Wilson). Obj. is in cells²; its floor is its value under the "
+        "true motions, where it ranks nothing."
+    )
+
+
+def _best(table: pd.DataFrame) -> tuple[tuple[int, str], ...]:
+    """Cells with the best value among the methods of one dataset, where there is something to choose."""
+    if "method" not in table or table["method"].nunique() < 2:
+        return ()
+    keys = list(table.columns[: list(table.columns).index("method")])
+    groups = [g for _, g in table.groupby(keys, sort=False, dropna=False)] if keys else [table]
+    marks = []
+    for group in groups:
+        for name in (*_BEST_HIGH, *_BEST_LOW):
+            values = pd.to_numeric(group[name], errors="coerce") if name in group else pd.Series(dtype=float)
+            if values.nunique() > 1:
+                best = values.max() if name in _BEST_HIGH else values.min()
+                marks += [(int(index), name) for index in values.index[values == best]]
+    return tuple(marks)
+
+
+def _sweep_chapters(settings: BenchSettings, results: Results, folder: Path) -> list[Section]:
+    chapters = []
+    for key in results.swept:
+        if results.scores[key].nunique() < 2:
+            continue
+        curve = curves.success_curve(results, key)
+        table = None
+        if pd.api.types.is_numeric_dtype(curve[key]):
+            table = curves.breaking_points(curve, key, settings.hard_is_high.get(key, True))
+        text = "Where success, coming from the easy end, falls below 90 % and below 50 %: the breaking points."
+        chapters.append(Section(f"Breaking points: {key}", text, (curves.draw_success(curve, key, folder),), table))
+    return chapters
+
+
+def _error_chapter(results: Results, folder: Path) -> Section:
+    pictures = [curves.draw_errors(results, folder), curves.draw_reliability(results, folder)]
+    table = None
+    if not results.pairs.empty:
+        table = curves.recall_by_overlap(results)
+        pictures.insert(1, curves.draw_recall(table, folder))
+    text = "False: pairs that the method confirms although the truth contradicts them."
+    return Section("Errors, pairs and confidences", text, tuple(p for p in pictures if p), table)
+
+
+def _picture_chapters(exhibits: Sequence[Exhibit], folder: Path) -> list[Section]:
+    merged = [figures.draw_coarse_fine(e, folder) for e in exhibits]
+    pairs: list[Picture] = []
+    for exhibit in exhibits:
+        if exhibit.prediction.pairs:
+            pairs.append(figures.draw_pairs(exhibit, folder))
+            unreliable = figures.draw_unreliable_pair(exhibit, folder)
+            pairs += [unreliable] if unreliable else []
+    by_dataset: dict[object, list[Exhibit]] = {}
+    for exhibit in exhibits:
+        by_dataset.setdefault((exhibit.label, exhibit.scored.cell.dataset.swept), []).append(exhibit)
+    rivals = [figures.draw_rivals(group, folder) for group in by_dataset.values() if len(group) > 1]
+    walls = "Each map has its own colour; where walls of different colours lie on each other, maps agree."
+    return [
+        Section("Methods side by side", walls, tuple(rivals)),
+        Section("Merged maps", walls, tuple(merged)),
+        Section("Pairs of maps", "A cross marks a motion that the truth contradicts.", tuple(pairs)),
+    ]
+
+
+def _failed_runs(results: Results) -> pd.DataFrame:
+    bad = results.scores[results.scores["status"] != "ok"]
+    return bad[["dataset", *results.swept, "method", "seed", "status", "reason"]]
+
+
+def _gallery(cells: Sequence[ScoredCell], folder: Path) -> list[Picture]:
+    failures = sorted((c for c in cells if c.score["num_wrong"]), key=lambda c: -c.score["num_wrong"])
+    pictures = []
+    for exhibit in filter(None, map(load_exhibit, failures[:MAX_FAILURES])):
+        pictures.append(figures.draw_failure(exhibit, folder))
+        truth = exhibit.dataset.truth.T_world_map
+        false = [p for p in exhibit.prediction.pairs if p.status == "reliable" and not pair_metrics.is_right(p, truth)]
+        if false:
+            misleading = max(false, key=lambda p: (p.in_tree, float(np.nan_to_num(p.num_inliers))))
+            pictures.append(figures.draw_pair(exhibit, misleading, folder, "misled", "the pair that misled it"))
+    return pictures
+
+
+def _order_table(cells: Sequence[ScoredCell]) -> pd.DataFrame:
+    groups: dict[tuple[str, str, int], list[Exhibit]] = {}
+    for exhibit in filter(None, map(load_exhibit, cells)):
+        key = (exhibit.label, exhibit.method, exhibit.scored.cell.seed)
+        groups.setdefault(key, []).append(exhibit)
+    rows = []
+    for (label, method, seed), group in groups.items():
+        found = order_metrics.compare_orders([e.prediction for e in group])
+        rows.append(
+            {
+                "dataset": label,
+                "method": method,
+                "seed": seed,
+                "orders": len(group),
+                "same maps placed": found.same_placed,
+                "difference m": found.difference_m,
+                "difference deg": found.difference_deg,
+            }
+        )
+    return pd.DataFrame(rows)
