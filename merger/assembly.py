@@ -17,10 +17,16 @@ from merger.stages import ConfirmedMotions, GlobalMotions
 
 
 def sort_maps(maps: Sequence[GridMap]) -> list[GridMap]:
-    """Put maps of one resolution in the order of their names, so that the order in which they came does not matter.
+    """Put maps of one resolution in the order of their names, so that the order in which they came does not matter."""
+    require_one_resolution(maps)
+    return sorted(maps, key=lambda grid: grid.name)
+
+
+def require_one_resolution(maps: Sequence[GridMap]) -> None:
+    """Refuse maps that only the method `robust` can merge.
 
     Raises:
-        ValueError: the maps differ in resolution, which only the method `robust` can merge.
+        ValueError: the maps differ in resolution.
     """
     for grid in maps[1:]:
         if not math.isclose(grid.resolution_m, maps[0].resolution_m, rel_tol=1e-6):
@@ -28,7 +34,6 @@ def sort_maps(maps: Sequence[GridMap]) -> list[GridMap]:
                 f"map '{grid.name}' has a resolution of {grid.resolution_m:g} m, map '{maps[0].name}' of "
                 f"{maps[0].resolution_m:g} m: this method merges maps of one resolution only"
             )
-    return sorted(maps, key=lambda grid: grid.name)
 
 
 def place_maps(

@@ -101,6 +101,31 @@ def match_features(target: Features, source: Features, config: FeatureConfig) ->
     return np.unique(matches, axis=0)
 
 
+def match_many(target: Features, source: Features, num_candidates: int) -> npt.NDArray[np.intp]:
+    """Match each keypoint of either map with its few nearest descriptors of the other, many to many [Blanco13].
+
+    Args:
+        target: Keypoints of the map that stays.
+        source: Keypoints of the map that moves.
+        num_candidates: Candidates of each keypoint, >= 1.
+
+    Returns:
+        (M, 2) indices ``(target, source)``, sorted, each pair once.
+    """
+    if len(target.points_grid) == 0 or len(source.points_grid) == 0:
+        return np.zeros((0, 2), dtype=np.intp)
+    squared = _squared_distances(target.descriptors, source.descriptors)
+    forward = np.argsort(squared, axis=1, kind="stable")[:, :num_candidates]
+    backward = np.argsort(squared, axis=0, kind="stable")[:num_candidates].T
+    matches = np.concatenate(
+        [
+            np.stack([np.repeat(np.arange(len(forward)), forward.shape[1]), forward.ravel()], axis=1),
+            np.stack([backward.ravel(), np.repeat(np.arange(len(backward)), backward.shape[1])], axis=1),
+        ]
+    )
+    return np.unique(matches, axis=0)
+
+
 def _render(grid: GridMap, config: FeatureConfig) -> tuple[npt.NDArray[Any], npt.NDArray[np.float64]]:
     """The known part of the map as a picture, and its first corner in metres, frame ``grid``."""
     known = grid.log_odds != 0.0

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from merger.compositing import CompositingConfig
 from merger.features import FeatureConfig
 from merger.motion_averaging import MotionAveragingConfig
+from merger.motion_modes import MotionModesConfig
 from merger.pairwise import PairwiseConfig
 from merger.ransac import RansacConfig
 from merger.result import Method
@@ -47,6 +48,8 @@ class MergeConfig:
     """Sampling and confirming of spanning trees."""
     averaging: MotionAveragingConfig = field(default_factory=MotionAveragingConfig)
     """Motion averaging."""
+    modes: MotionModesConfig = field(default_factory=MotionModesConfig)
+    """Hypotheses of the method `sequential`."""
     compositing: CompositingConfig = field(default_factory=CompositingConfig)
     """The merged map."""
 
