@@ -21,7 +21,7 @@ _FILES = """\
 | `recording.mcap` | all scans, odometry, true poses, transforms and maps as ROS 2 messages (second 0 is stamp 10^9 s) |
 | `scans.log` | the scans in CARMEN's format (PARAM, ODOM, TRUEPOS, FLASER) |
 | `trajectories/ROBOT_truth.tum` | true poses in frame `world`, TUM format |
-| `trajectories/ROBOT_odometry.tum` | poses by odometry, in the frame of the robot's first pose |
+| `trajectories/ROBOT_odometry.tum` | poses by odometry, which begins at the robot's true start |
 | `trajectories/ROBOT_estimate.tum` | poses with which the submaps were mapped, each submap at its true place |
 | `world.png`, `overview.png` | the building with the robots' ways; the submaps laid over it |
 """

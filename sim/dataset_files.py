@@ -69,7 +69,7 @@ def _write_trajectories(folder: Path, content: DatasetContent) -> None:
         trajectory = run.trajectory
         poses = {
             "truth": trajectory.T_world_robot,
-            "odometry": trajectory.T_odom_robot,
+            "odometry": trajectory.T_world_odom @ trajectory.T_odom_robot,
             "estimate": estimated_poses(content, robot),
         }
         for kind, T in poses.items():

@@ -1,7 +1,8 @@
 """``recording.mcap``: a whole run as ROS 2 messages, written as it is produced.
 
 Frames: ``world`` (truth), ``robot_N/odom``, ``robot_N/base_link``, ``robot_N/lidar``, ``submap_K``. The tree
-``world -> robot_N/odom -> robot_N/base_link`` follows odometry, and drifts as it does; the true poses are on
+``world -> robot_N/odom -> robot_N/base_link`` follows odometry, which begins at the robot's true start (so that
+tools that compare it with the truth need no alignment) and then drifts; the true poses are on
 ``/robot_N/ground_truth/pose``. MCAP: profile ros2, CDR, chunks compressed by zstd, indexed; see mcap.dev/spec.
 """
 
@@ -133,8 +134,7 @@ def _write_static(channels: _Channels, recording: Recording) -> None:
     transforms = [("world", f"submap_{k}", pose) for k, pose in enumerate(poses)]
     for run in recording.runs:
         name = run.trajectory.robot
-        T_world_odom = run.trajectory.T_world_robot[0] @ se2.invert(run.trajectory.T_odom_robot[0])
-        transforms.append(("world", f"{name}/odom", messages.planar_poses(T_world_odom)))
+        transforms.append(("world", f"{name}/odom", messages.planar_poses(np.eye(3))))
         transforms.append((f"{name}/base_link", f"{name}/lidar", messages.planar_poses(run.lidar.pose_on_robot)))
     data = messages.transform_message(EPOCH_NS, transforms)
     channels.write("/tf_static", messages.TRANSFORMS, EPOCH_NS, data, latched=True)
@@ -182,7 +182,7 @@ def _encode_run(robot: int, run: RobotRun) -> Iterator[tuple[int, int, int, tupl
         ranges = run.read_ranges(start, stop)
         stamps = messages.stamps_ns(trajectory.stamps_s[start:stop])
         truth = messages.planar_poses(trajectory.T_world_robot[start:stop])
-        estimate = messages.planar_poses(trajectory.T_odom_robot[start:stop])
+        estimate = messages.planar_poses(trajectory.T_world_odom @ trajectory.T_odom_robot[start:stop])
         encoded = zip(
             messages.transform_messages((odom, base), stamps, estimate),
             messages.odometry_messages((odom, base), stamps, estimate, _speeds(run, start, stop)),

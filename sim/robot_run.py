@@ -60,6 +60,11 @@ class Trajectory:
     T_odom_robot: npt.NDArray[np.float64]
     """(N, 3, 3) poses by odometry; the first one equals the identity."""
 
+    @property
+    def T_world_odom(self) -> npt.NDArray[np.float64]:
+        """(3, 3) place of the frame in which odometry counts, if it is told the true pose at the start."""
+        return self.T_world_robot[0] @ se2.invert(self.T_odom_robot[0])
+
 
 ReadRanges = Callable[[int, int], npt.NDArray[np.float32]]
 """``read(start, stop)`` gives the (stop - start, num_beams) ranges in metres of these scans, by REP 117 (+inf no

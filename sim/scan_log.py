@@ -1,8 +1,9 @@
 """``scans.log``: a dataset's scans in CARMEN's format, so that tools and readers of that format need no converter.
 
-Each scan is three lines: ``ODOM`` (the pose by odometry), ``TRUEPOS`` (the true pose, beside odometry) and ``FLASER``,
-whose pose is the true pose of the lidar, as the corrected pose of published logs is. Times are seconds since the run
-began; the host is the robot's name. Readings: no return is ``robot_front_laser_max``, too near and invalid are 0.
+Each scan is three lines: ``ODOM`` (the pose by odometry, which begins at the true start), ``TRUEPOS`` (the true pose,
+beside odometry) and ``FLASER``, whose pose is the true pose of the lidar, as the corrected pose of published logs is.
+Times are seconds since the run began; the host is the robot's name. Readings: no return is ``robot_front_laser_max``,
+too near and invalid are 0.
 """
 
 import heapq
@@ -64,7 +65,7 @@ def _scan_lines(robot: int, run: RobotRun) -> Iterator[tuple[float, int, str]]:
         stop = min(start + _CHUNK_SCANS, run.num_scans)
         true = trajectory.T_world_robot[start:stop]
         poses = [se2.parameters_of(T).tolist() for T in (true, true @ run.lidar.pose_on_robot)]
-        odometry = se2.parameters_of(trajectory.T_odom_robot[start:stop]).tolist()
+        odometry = se2.parameters_of(trajectory.T_world_odom @ trajectory.T_odom_robot[start:stop]).tolist()
         readings = _readings(run.read_ranges(start, stop), run.lidar)
         stamps = trajectory.stamps_s[start:stop].tolist()
         for stamp, robot_pose, lidar_pose, odom, reading in zip(stamps, *poses, odometry, readings, strict=True):

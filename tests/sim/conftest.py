@@ -8,8 +8,12 @@ import numpy.typing as npt
 import pytest
 
 from merger import se2
+from sim.config import SimConfig, SourceConfig, SourceKind
+from sim.dataset import make_dataset
 from sim.robot_run import LidarSpec, RobotRun, Trajectory
 from sim.scan_log import write_scan_log
+from sim.submap_mapping import MappingConfig, PoseSource
+from sim.submaps import SubmapsConfig
 
 MakeRuns = Callable[..., list[RobotRun]]
 
@@ -37,40 +41,59 @@ def cast(origin: npt.NDArray[np.float64], angles: npt.NDArray[np.float64]) -> np
     return np.where((t > 0) & (s >= 0) & (s <= 1), t, np.inf).min(axis=1)
 
 
-@pytest.fixture
-def make_runs() -> MakeRuns:
-    """Makes runs of robots that circle around the block."""
-
-    def make(num_robots: int = 1, num_scans: int = 40, num_beams: int = 90, period_s: float = 0.2) -> list[RobotRun]:
-        lidar = LidarSpec(
-            num_beams, -np.pi, 2 * np.pi / num_beams, 0.1, 5.5, period_s, 0.001, T_robot_lidar=(0.1, 0.02, 0.3)
-        )
-        runs = []
-        for robot in range(num_robots):
-            phase = np.linspace(0.0, 1.2 * np.pi, num_scans) + 0.8 * np.pi * robot
-            T = se2.make_motion(4.0 + 2.6 * np.cos(phase), 3.0 + 1.9 * np.sin(phase), phase + np.pi / 2)
-            drift = se2.exp(np.arange(num_scans)[:, None] * np.array([0.002, 0.0, 0.001]))
-            T_odom = se2.invert(T[0]) @ T @ drift
-            T_world_lidar = T @ lidar.pose_on_robot
-            angles = se2.angle_of(T_world_lidar)[:, None] + lidar.angles_rad
-            exact = np.stack([cast(p[:2, 2], a) for p, a in zip(T_world_lidar, angles, strict=True)])
-            ranges = np.round(exact, 3).astype(np.float32)
-            ranges[ranges > 5.5] = np.inf
-            ranges[:, 3] = -np.inf
-            stamps = np.arange(num_scans) * period_s + 0.013 * robot
-            runs.append(RobotRun(Trajectory(f"robot_{robot}", stamps, T, T_odom), lidar, _reader(ranges)))
-        return runs
-
-    return make
+def circle_block(
+    num_robots: int = 1, num_scans: int = 40, num_beams: int = 90, period_s: float = 0.2
+) -> list[RobotRun]:
+    """Runs of robots that circle around the block."""
+    lidar = LidarSpec(
+        num_beams, -np.pi, 2 * np.pi / num_beams, 0.1, 5.5, period_s, 0.001, T_robot_lidar=(0.1, 0.02, 0.3)
+    )
+    runs = []
+    for robot in range(num_robots):
+        phase = np.linspace(0.0, 1.2 * np.pi, num_scans) + 0.8 * np.pi * robot
+        T = se2.make_motion(4.0 + 2.6 * np.cos(phase), 3.0 + 1.9 * np.sin(phase), phase + np.pi / 2)
+        drift = se2.exp(np.arange(num_scans)[:, None] * np.array([0.002, 0.0, 0.001]))
+        T_odom = se2.invert(T[0]) @ T @ drift
+        T_world_lidar = T @ lidar.pose_on_robot
+        angles = se2.angle_of(T_world_lidar)[:, None] + lidar.angles_rad
+        exact = np.stack([cast(p[:2, 2], a) for p, a in zip(T_world_lidar, angles, strict=True)])
+        ranges = np.round(exact, 3).astype(np.float32)
+        ranges[ranges > 5.5] = np.inf
+        ranges[:, 3] = -np.inf
+        stamps = np.arange(num_scans) * period_s + 0.013 * robot
+        runs.append(RobotRun(Trajectory(f"robot_{robot}", stamps, T, T_odom), lidar, _reader(ranges)))
+    return runs
 
 
 def _reader(ranges: npt.NDArray[np.float32]) -> Callable[[int, int], npt.NDArray[np.float32]]:
     return lambda start, stop: ranges[start:stop]
 
 
-@pytest.fixture
-def tiny_log(tmp_path: Path, make_runs: MakeRuns) -> Path:
+@pytest.fixture(scope="session")
+def make_runs() -> MakeRuns:
+    """Makes runs of robots that circle around the block."""
+    return circle_block
+
+
+@pytest.fixture(scope="session")
+def tiny_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A CARMEN log of two robots in a box."""
-    path = tmp_path / "tiny.log"
-    write_scan_log(path, make_runs(num_robots=2), "tiny")
+    path = tmp_path_factory.mktemp("log") / "tiny.log"
+    write_scan_log(path, circle_block(num_robots=2), "tiny")
     return path
+
+
+@pytest.fixture(scope="session")
+def tiny_config(tiny_log: Path) -> SimConfig:
+    """What makes a dataset of four submaps from that log."""
+    return SimConfig(
+        source=SourceConfig(SourceKind.CARMEN, str(tiny_log)),
+        submaps=SubmapsConfig(count=4, overlap=0.3),
+        mapping=MappingConfig(PoseSource.TRUTH),
+    )
+
+
+@pytest.fixture(scope="session")
+def tiny_dataset(tiny_config: SimConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """That dataset; not to be changed."""
+    return make_dataset(tiny_config, tmp_path_factory.mktemp("datasets") / "tiny")
