@@ -8,11 +8,10 @@ from enum import StrEnum
 import cv2
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse.csgraph import dijkstra
 
 from sim import furniture
 from sim.furniture import Piece, PieceMaker
-from sim.grid_paths import grid_graph, trace_path
+from sim.grid_paths import grid_graph, search, trace_path
 from sim.plan import Array, Room, Solid
 
 Mask = npt.NDArray[np.bool_]
@@ -213,7 +212,7 @@ def _kept_free(usable: Mask, area: RoomArea, doors: Array, origin_m: Array, conf
     if len(nodes) == 0:
         return kept > 0
     source = nodes[np.argmin(np.abs(centers - anchor).sum(axis=1))]
-    _, before = dijkstra(graph, indices=source, return_predecessors=True)
+    _, before = search(graph, int(source))
     for x, y, width in doors:
         pixel = (np.array([x, y]) - origin_m) / _CELL_M
         distances = np.hypot(*(centers - pixel).T)

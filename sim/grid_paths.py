@@ -3,10 +3,12 @@
 import numpy as np
 import numpy.typing as npt
 from scipy import sparse
+from scipy.sparse.csgraph import dijkstra
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 Indices = npt.NDArray[np.int64]
+Predecessors = npt.NDArray[np.int32]
 
 _STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
 """Half of the eight neighbours; the graph is undirected."""
@@ -38,7 +40,19 @@ def grid_graph(passable: Mask, cost: Array) -> sparse.csr_array:
     return sparse.csr_array(both, shape=(rows * cols, rows * cols))
 
 
-def trace_path(predecessors: npt.NDArray[np.int32], node: int) -> Indices:
+def search(graph: sparse.csr_array, source: int, limit: float = np.inf) -> tuple[Array, Predecessors]:
+    """Shortest ways from one node to all: (V,) costs (inf beyond the limit) and the (V,) nodes before each."""
+    costs, before = dijkstra(graph, indices=np.array([source]), return_predecessors=True, limit=limit)
+    return np.asarray(costs[0], dtype=np.float64), np.asarray(before[0], dtype=np.int32)
+
+
+def search_nearest(graph: sparse.csr_array, sources: Indices, limit: float = np.inf) -> tuple[Array, Indices]:
+    """The nearest of several nodes: (V,) cost of the way from it (inf beyond the limit), and (V,) which it is."""
+    costs, _, nearest = dijkstra(graph, indices=sources, return_predecessors=True, limit=limit, min_only=True)
+    return np.asarray(costs, dtype=np.float64), np.asarray(nearest, dtype=np.int64)
+
+
+def trace_path(predecessors: Predecessors, node: int) -> Indices:
     """(L,) nodes from a search's source to this node, by the predecessors that scipy's ``dijkstra`` gives."""
     path = [node]
     while predecessors[path[-1]] >= 0:

@@ -1,0 +1,225 @@
+"""Let robots drive through a building: true and told poses at every scan, and everything that moved meanwhile."""
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from merger import se2
+from sim.coverage import CoverageConfig, choose_starts, plan_tours, spread_places
+from sim.driver import Driver
+from sim.errands import Errands, route_errands, tour_errands
+from sim.free_space import measure_free_space
+from sim.lidar import Scene, make_scene, scan_run
+from sim.lidar_noise import NoiseConfig
+from sim.odometry import OdometryConfig, integrate_odometry
+from sim.people import MovingDiscs, PeopleConfig, Walker, leg_radii
+from sim.robot import Robot, RobotConfig, make_space
+from sim.robot_run import LidarSpec, RobotRun, Trajectory
+from sim.routing import Router
+from sim.stepping import Clock, Recording, run_space
+from sim.streams import Purpose, make_stream
+from sim.world import World
+from sim.world_check import check_reach
+
+Array = npt.NDArray[np.float64]
+
+_MARGIN_M = 0.04
+"""Planned ways keep this distance between a robot's body and walls."""
+_FAR_AWAY_M = 1e6
+"""Where a robot is that has left the building."""
+
+
+@dataclass(frozen=True)
+class DriveConfig:
+    """How robots drive."""
+
+    robot: RobotConfig = field(default_factory=RobotConfig)
+    """Their size and wheels."""
+    coverage: CoverageConfig = field(default_factory=CoverageConfig)
+    """What they visit, unless the world has waypoints."""
+    people: PeopleConfig = field(default_factory=PeopleConfig)
+    """Who else moves."""
+    odometry: OdometryConfig = field(default_factory=OdometryConfig)
+    """How their wheels err."""
+    duration_s: float | None = None
+    """Every robot drives just so long, over its tour again and again; none: until its tour is over."""
+    max_duration_s: float = 7200.0
+    """No run is longer, whatever is left of its tour, > 0."""
+
+    def __post_init__(self) -> None:
+        """Refuse impossible values."""
+        for name in ("duration_s", "max_duration_s"):
+            value = getattr(self, name)
+            if value is not None and not (0.0 < value < math.inf):
+                raise ValueError(f"{name} must be > 0 s, got {value}")
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """The lidar that every robot carries."""
+
+    lidar: LidarSpec
+    """Its geometry."""
+    noise: NoiseConfig = field(default_factory=NoiseConfig)
+    """What goes wrong with it."""
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """What happened in the building."""
+
+    trajectories: tuple[Trajectory, ...]
+    """One for each robot, at the stamps of its scans."""
+    moving: MovingDiscs
+    """Robots and people."""
+
+
+def drive(
+    world: World,
+    config: DriveConfig,
+    num_robots: int,
+    scan_period_s: float,
+    seed: int,
+    *,
+    noise_seed: int | None = None,
+) -> Simulation:
+    """Drive robots through a building.
+
+    Args:
+        world: The building.
+        config: How robots drive.
+        num_robots: How many, >= 1.
+        scan_period_s: Time between two scans, > 0.
+        seed: Of routes and people; the same seed gives the same run, whatever the noise.
+        noise_seed: Of odometry; none: as ``seed``.
+
+    Returns:
+        Trajectories ``robot_0``, ``robot_1``, ... and what moved.
+
+    Raises:
+        ValueError: there is no robot, the period is not positive, or the robots are too large for the building.
+    """
+    if num_robots < 1:
+        raise ValueError(f"num_robots must be >= 1, got {num_robots}")
+    if not (0.0 < scan_period_s < math.inf):
+        raise ValueError(f"scan_period_s must be > 0, got {scan_period_s}")
+    router = _make_router(world, config.robot.radius_m)
+    starts, errands = _work(world, router, config, [make_stream(seed, Purpose.DRIVE, k) for k in range(num_robots)])
+    space = make_space(world.segments)
+    drivers = [
+        Driver(Robot(space, start, config.robot), router, router.node_at(start[:2]), errand)
+        for start, errand in zip(starts, errands, strict=True)
+    ]
+    walkers = [
+        Walker(router, config.people, starts[:, :2], make_stream(seed, Purpose.PEOPLE, k))
+        for k in range(config.people.num_people)
+    ]
+    duration_s = config.max_duration_s if config.duration_s is None else config.duration_s
+    clock = Clock(scan_period_s, min(duration_s, config.max_duration_s))
+    recording = run_space(space, drivers, walkers, router, clock)
+    trajectories = _trajectories(recording, clock, config.odometry, seed if noise_seed is None else noise_seed)
+    return Simulation(trajectories, _moving(recording, clock, config.robot.radius_m))
+
+
+def simulate(
+    world: World,
+    config: DriveConfig,
+    sensor: Sensor,
+    num_robots: int,
+    seed: int,
+    *,
+    noise_seed: int | None = None,
+) -> list[RobotRun]:
+    """Drive robots through a building and let each of them scan it, the others and the people.
+
+    Args:
+        world: The building.
+        config: How robots drive.
+        sensor: Their lidar and what goes wrong with it.
+        num_robots: How many, >= 1.
+        seed: Of routes and people.
+        noise_seed: Of odometry and lidar; none: as ``seed``.
+
+    Returns:
+        One run for each robot; scans are cast when they are read.
+
+    Raises:
+        ValueError: as `drive`, or the lidar is impossible.
+    """
+    noise_seed = seed if noise_seed is None else noise_seed
+    simulation = drive(world, config, num_robots, sensor.lidar.scan_period_s, seed, noise_seed=noise_seed)
+    walls = make_scene(world.segments, world.materials)
+    runs = []
+    for k, trajectory in enumerate(simulation.trajectories):
+        scene = _with_others(walls, simulation.moving, k)
+        runs.append(scan_run(scene, trajectory, sensor.lidar, sensor.noise, seed=noise_seed))
+    return runs
+
+
+def _with_others(walls: Scene, moving: MovingDiscs, robot: int) -> Scene:
+    """What one robot's lidar sees: walls, people, and the other robots."""
+    others = moving.robots != robot
+    if not others.any():
+        return walls
+
+    def obstacles_at(stamps_s: Array) -> Array:
+        return moving.positions_at(stamps_s)[:, others]
+
+    return replace(walls, obstacle_radii_m=moving.radii_m[others], obstacles_at=obstacles_at)
+
+
+def _make_router(world: World, radius_m: float) -> Router:
+    """The floor that robots of this radius reach from the first start; refuses a building that is too narrow."""
+    if len(world.starts) == 0:
+        raise ValueError(f"world '{world.name}' has no start")
+    space = measure_free_space(world.segments)
+    check_reach(world.name, space, world.rooms, world.starts, radius_m + _MARGIN_M)
+    return Router(space, space.reachable(world.starts[0], radius_m + _MARGIN_M), radius_m + _MARGIN_M)
+
+
+def _work(
+    world: World, router: Router, config: DriveConfig, rngs: list[np.random.Generator]
+) -> tuple[Array, list[Errands]]:
+    """Where each robot starts, (K, 3), and what it visits: the world's waypoints, or a tour of its own."""
+    num_robots, endless = len(rngs), config.duration_s is not None
+    starts = choose_starts(router, world.starts, num_robots)
+    for a in range(num_robots):
+        for b in range(a):
+            if np.hypot(*(starts[a] - starts[b])[:2]) < 2.2 * config.robot.radius_m:
+                raise ValueError(f"world '{world.name}': robots {b} and {a} of {num_robots} would start in one place")
+    if world.waypoints:
+        routes = [world.waypoints[k % len(world.waypoints)] for k in range(num_robots)]
+        return starts, [route_errands([router.node_at(point) for point in route], endless) for route in routes]
+    roadmap = spread_places(router, world.rooms, starts, config.coverage.spacing_m)
+    tours = plan_tours(roadmap, num_robots, config.coverage, rngs[0])
+    return starts, [tour_errands(roadmap, k, tour, rngs[k] if endless else None) for k, tour in enumerate(tours)]
+
+
+def _trajectories(
+    recording: Recording, clock: Clock, odometry: OdometryConfig, noise_seed: int
+) -> tuple[Trajectory, ...]:
+    """Poses at the scans, and what the wheels made of them."""
+    trajectories = []
+    for k, poses in enumerate(recording.poses):
+        T_world_robot = se2.make_motion(*np.array(poses)[:: clock.steps_per_scan].T)
+        stamps_s = np.arange(len(T_world_robot), dtype=np.float64) * clock.scan_period_s
+        T_odom_robot = integrate_odometry(T_world_robot, odometry, make_stream(noise_seed, Purpose.ODOMETRY, k))
+        trajectories.append(Trajectory(f"robot_{k}", stamps_s, T_world_robot, T_odom_robot))
+    return tuple(trajectories)
+
+
+def _moving(recording: Recording, clock: Clock, radius_m: float) -> MovingDiscs:
+    """Robots and legs at every step."""
+    num_steps, num_robots = max(len(poses) for poses in recording.poses), len(recording.poses)
+    positions = np.full((num_steps, num_robots, 2), _FAR_AWAY_M)
+    for k, poses in enumerate(recording.poses):
+        positions[: len(poses), k] = np.array(poses)[:, :2]
+    if recording.legs_m:
+        positions = np.concatenate([positions, np.array(recording.legs_m)[:num_steps]], axis=1)
+    num_legs = positions.shape[1] - num_robots
+    radii = np.concatenate([np.full(num_robots, radius_m), leg_radii(num_legs // 2)])
+    robots = np.concatenate([np.arange(num_robots), np.full(num_legs, -1)])
+    stamps_s = np.arange(num_steps, dtype=np.float64) * clock.step_s
+    return MovingDiscs(stamps_s, positions, radii, robots)
