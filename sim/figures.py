@@ -16,6 +16,8 @@ from merger.grid_map import GridMap
 from sim.robot_run import Trajectory
 
 _LONGER_SIDE_IN = 8.0
+_LEAST_HEIGHT_IN = 2.0
+_LEFT_IN, _BOTTOM_IN, _TOP_IN, _LEGEND_IN = 0.7, 0.5, 0.1, 1.3
 _DOTS_PER_INCH = 150
 _OUTLIERS = 0.001
 """Share of the seen cells that may lie beyond each edge of a picture: a beam through a window."""
@@ -74,11 +76,13 @@ def _begin(building: GridMap) -> tuple[Figure, Axes]:
     points = points if len(points) else np.zeros((1, 2))
     low = np.quantile(points, _OUTLIERS, axis=0) - _MARGIN_M
     high = np.quantile(points, 1.0 - _OUTLIERS, axis=0) + _MARGIN_M
-    width, height = high - low
-    scale = _LONGER_SIDE_IN / max(width, height)
-    figure = Figure(figsize=(width * scale + 1.6, height * scale + 0.6), dpi=_DOTS_PER_INCH)
+    width, height = (high - low) * (_LONGER_SIDE_IN / (high - low).max())
+    full_width, full_height = width + _LEFT_IN + _LEGEND_IN, max(height, _LEAST_HEIGHT_IN) + _BOTTOM_IN + _TOP_IN
+    figure = Figure(figsize=(full_width, full_height), dpi=_DOTS_PER_INCH)
     FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
+    axes = figure.add_axes(
+        (_LEFT_IN / full_width, _BOTTOM_IN / full_height, width / full_width, height / full_height), anchor="NW"
+    )
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
     axes.set_aspect("equal")
@@ -103,8 +107,8 @@ def _show(axes: Axes, grid: GridMap, T_world_map: Array, occupied: tuple[float, 
 
 def _finish(figure: Figure, axes: Axes, path: Path, handles: list[Line2D]) -> None:
     columns = 1 + (len(handles) - 1) // 24
-    axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False, ncols=columns, fontsize=8)
-    figure.savefig(path, bbox_inches="tight", metadata={"Software": "mapmerge-bench"})
+    axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.01), frameon=False, ncols=columns, fontsize=8)
+    figure.savefig(path, metadata={"Software": "mapmerge-bench"})
 
 
 def _colors(count: int) -> list[tuple[float, float, float]]:

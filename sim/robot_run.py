@@ -63,7 +63,7 @@ class Trajectory:
     @property
     def T_world_odom(self) -> npt.NDArray[np.float64]:
         """(3, 3) place of the frame in which odometry counts, if it is told the true pose at the start."""
-        return self.T_world_robot[0] @ se2.invert(self.T_odom_robot[0])
+        return np.asarray(self.T_world_robot[0] @ se2.invert(self.T_odom_robot[0]))
 
 
 ReadRanges = Callable[[int, int], npt.NDArray[np.float32]]
