@@ -41,7 +41,7 @@ class JointAlignmentConfig:
     """The same at the last step."""
     sigma_m: float = 0.03
     """Standard deviation of a residual."""
-    pair_weight: float = 0.1
+    pair_weight: float = 0.05
     """Weight of a correspondence: neighbouring beams err together."""
     min_correspondences: int = 25
     """A pair with fewer is not used."""

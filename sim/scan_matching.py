@@ -39,7 +39,7 @@ class ScanMatchingConfig:
     """Width of the field around a surface, > 0."""
     search_sigmas: float = 3.0
     """Half the width of the search, in standard deviations of the odometry since the last scan, > 0."""
-    point_weight: float = 0.3
+    point_weight: float = 0.5
     """Log-likelihood that one well fitting point is worth against the odometry, > 0."""
     insertion_m: float = 0.15
     """A scan is added to the map when the robot has moved this far since the last one that was, > 0 ..."""

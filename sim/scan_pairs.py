@@ -9,8 +9,10 @@ import math
 import numpy as np
 from numba import njit
 
-_NEIGHBOUR_BEAMS = 6
+_NEIGHBOUR_BEAMS = 5
 """Beams to each side among which the nearest end is looked for."""
+_POINTS = 90
+"""About so many ends of a scan are put to another one's."""
 _SAME_SIDE_COS = 0.7
 """Normals of one surface, seen by two scans, agree at least so much."""
 
@@ -45,7 +47,8 @@ def _add_pair(scan_i, scan_j, T_i, T_j, rest):  # type: ignore[no-untyped-def] #
     max_distance_m, sigma_m = reach
     count = 0
     a = np.empty(3)
-    for b in range(len(scan_i)):
+    stride = max(len(scan_i) // _POINTS, 1)
+    for b in range(len(scan_i) % stride, len(scan_i), stride):
         if not scan_i[b, 2] <= 1.0:
             continue
         x = T_i[0, 0] * scan_i[b, 0] + T_i[0, 1] * scan_i[b, 1] + T_i[0, 2]
@@ -67,27 +70,24 @@ def _add_pair(scan_i, scan_j, T_i, T_j, rest):  # type: ignore[no-untyped-def] #
         a[0], a[1], a[2] = nx, ny, ny * x - nx * y
         for r in range(3):
             g[r] += weight * a[r] * residual
-            for c in range(3):
+            for c in range(r + 1):
                 H[r, c] += weight * a[r] * a[c]
         count += 1
-    return count
+    H[0, 1], H[0, 2], H[1, 2] = H[1, 0], H[2, 0], H[2, 1]
+    return count * stride
 
 
 @njit(cache=True)
 def _nearest_beam(scan, x, y, angles, max_distance_m):  # type: ignore[no-untyped-def] # a kernel
     """The beam, of those that look towards a point in frame ``lidar``, whose end is nearest to it; -1: none is near."""
-    turn = (math.atan2(y, x) - angles[0]) % (2.0 * math.pi)
-    if angles[1] < 0.0:
-        turn = turn - 2.0 * math.pi
+    turn = math.atan2(y, x) - angles[0]
+    if turn * angles[1] < -0.5 * angles[1] * angles[1]:
+        turn += math.copysign(2.0 * math.pi, angles[1])
     towards = int(turn / angles[1] + 0.5)
     best, found = max_distance_m * max_distance_m, -1
-    num_beams = len(scan)
-    per_turn = int(2.0 * math.pi / abs(angles[1]) + 0.5)
-    for k in range(towards - _NEIGHBOUR_BEAMS, towards + _NEIGHBOUR_BEAMS + 1):
-        beam = k % per_turn
-        if beam < num_beams and scan[beam, 2] <= 1.0:
-            off_x, off_y = x - scan[beam, 0], y - scan[beam, 1]
-            distance = off_x * off_x + off_y * off_y
-            if distance < best:
-                best, found = distance, beam
+    for beam in range(max(towards - _NEIGHBOUR_BEAMS, 0), min(towards + _NEIGHBOUR_BEAMS + 1, len(scan))):
+        off_x, off_y = x - scan[beam, 0], y - scan[beam, 1]
+        distance = off_x * off_x + off_y * off_y
+        if distance < best and scan[beam, 2] <= 1.0:
+            best, found = distance, beam
     return found
