@@ -21,6 +21,7 @@ from bench.store import Store
 from sim.config import SimConfig
 from sim.hydra_schema import build, compose_config, parse_overrides, register
 from sim.resources import conf_folder
+from sim.sim_schema import register_schema
 
 _MULTIRUN = ("-m", "--multirun")
 _OWN_KEYS = {"experiment", *(item.name for item in fields(BenchSettings))}
@@ -42,7 +43,7 @@ def _run(arguments: list[str]) -> int:
         print(_help())
         return 0
     register("bench_schema", BenchSettings)
-    register("sim_schema", SimConfig)
+    register_schema()
     multirun = any(argument in _MULTIRUN for argument in arguments)
     jobs = expand_sweep([a for a in arguments if a not in _MULTIRUN], multirun)
     planned = [_plan(job) for job in jobs]

@@ -2,10 +2,16 @@
 
 import dataclasses
 import shlex
+from collections.abc import Mapping
 from enum import Enum
 from typing import Any
 
-from sim.config import SimConfig
+from sim.config import SimConfig, SourceKind
+from sim.lidar_noise import NOISE_PRESETS
+from sim.lidar_presets import LIDAR_PRESETS
+
+_PLAIN_ROBOT = "pioneer"
+"""The choice of ``robot`` that leaves every default."""
 
 
 def make_command(config: SimConfig, name: str) -> str:
@@ -21,8 +27,20 @@ def make_command(config: SimConfig, name: str) -> str:
 
 def override_words(config: SimConfig) -> list[str]:
     """Overrides ``key=value``: the choice of each group, then every value that differs from it."""
+    lidar = _nearest(config.lidar, LIDAR_PRESETS)
+    noise = _nearest(config.noise, NOISE_PRESETS)
     words = [f"source={config.source.kind.value}", f"mapping={config.mapping.poses.value}", f"seed={config.seed}"]
-    return words + _differences("", config, SimConfig(world=config.world), {"source.kind", "mapping.poses", "seed"})
+    if config.source.kind is SourceKind.SIMULATED:
+        words.append(f"world={_text(config.world)}")
+    words += [f"robot={_PLAIN_ROBOT}", f"lidar={lidar}", f"noise={noise}"]
+    chosen = SimConfig(world=config.world, lidar=LIDAR_PRESETS[lidar], noise=NOISE_PRESETS[noise])
+    return words + _differences("", config, chosen, {"source.kind", "mapping.poses", "seed"})
+
+
+def _nearest(config: Any, presets: Mapping[str, Any]) -> str:
+    """The preset that has most values in common with a config, the first of equals."""
+    names = [field.name for field in dataclasses.fields(config)]
+    return max(presets, key=lambda preset: sum(getattr(presets[preset], n) == getattr(config, n) for n in names))
 
 
 def _differences(prefix: str, value: Any, default: Any, done: set[str]) -> list[str]:

@@ -7,6 +7,14 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from sim.coverage import CoverageConfig
+from sim.lidar_noise import NoiseConfig
+from sim.lidar_presets import LIDAR_PRESETS
+from sim.odometry import OdometryConfig
+from sim.people import PeopleConfig
+from sim.robot import RobotConfig
+from sim.robot_run import LidarSpec
+from sim.simulation import DriveConfig
 from sim.submap_mapping import MappingConfig
 from sim.submaps import SubmapsConfig
 
@@ -54,6 +62,26 @@ class SimConfig:
     """The building: a name under ``worlds/``, ``office``, or the path of a world file or of a `map_server` map."""
     source: SourceConfig = field(default_factory=SourceConfig)
     """Where scans come from."""
+    num_robots: int = 2
+    """Robots that are simulated, >= 1."""
+    duration_s: float | None = None
+    """Every robot drives just so long; none: until it has seen its part of the building."""
+    max_duration_s: float = 7200.0
+    """No run is longer, > 0."""
+    robot: RobotConfig = field(default_factory=RobotConfig)
+    """Size and wheels of the robots."""
+    coverage: CoverageConfig = field(default_factory=CoverageConfig)
+    """What the robots visit."""
+    people: PeopleConfig = field(default_factory=PeopleConfig)
+    """Who else moves."""
+    odometry: OdometryConfig = field(default_factory=OdometryConfig)
+    """How wheels err; laid over a log that carries no odometry, too."""
+    lidar: LidarSpec = field(default_factory=lambda: LIDAR_PRESETS["sick_lms_180"])
+    """The lidar that every simulated robot carries."""
+    noise: NoiseConfig = field(default_factory=NoiseConfig)
+    """What goes wrong with it."""
+    noise_seed: int | None = None
+    """Seed of odometry and lidar noise alone, >= 0; none: as ``seed``."""
     submaps: SubmapsConfig = field(default_factory=SubmapsConfig)
     """How runs are cut into submaps."""
     mapping: MappingConfig = field(default_factory=MappingConfig)
@@ -63,6 +91,18 @@ class SimConfig:
         """Refuse what cannot be."""
         if self.seed < 0:
             raise ValueError(f"seed must be >= 0, got {self.seed}")
+        if self.noise_seed is not None and self.noise_seed < 0:
+            raise ValueError(f"noise_seed must be >= 0, got {self.noise_seed}")
+        if self.num_robots < 1:
+            raise ValueError(f"num_robots must be >= 1, got {self.num_robots}")
+        drive_config(self)
+
+
+def drive_config(config: SimConfig) -> DriveConfig:
+    """How robots drive, as the simulation takes it."""
+    return DriveConfig(
+        config.robot, config.coverage, config.people, config.odometry, config.duration_s, config.max_duration_s
+    )
 
 
 def num_submaps(config: SimConfig) -> int:

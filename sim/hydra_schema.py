@@ -56,6 +56,11 @@ def register(name: str, config_class: type) -> None:
     ConfigStore.instance().store(name=name, node=writable_twin(config_class))
 
 
+def register_choice(group: str, name: str, config: Any) -> None:
+    """Register a config as a choice of a group, as a file of ``conf/GROUP/`` would be."""
+    ConfigStore.instance().store(group=group, name=name, node=_writable(_twin(type(config)), config))
+
+
 def group_choices(conf: Path, group: str) -> list[str]:
     """Names of the choices of a config group, from files and from what has been registered."""
     files = {path.stem for path in (conf / group).glob("*.yaml")}

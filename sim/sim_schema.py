@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from sim.config import SimConfig
-from sim.hydra_schema import group_choices, register
+from sim.hydra_schema import group_choices, register, register_choice
+from sim.lidar_noise import NOISE_PRESETS
+from sim.lidar_presets import LIDAR_PRESETS
 
 ROOT = "sim"
 """Name of the root config, ``conf/sim.yaml``."""
@@ -38,8 +40,12 @@ class _Root(SimConfig, RunConfig):
 
 
 def register_schema() -> None:
-    """Make the keys known to hydra, as ``sim_schema``."""
+    """Make the keys known to hydra, as ``sim_schema``, and the choices that are tables in the code."""
     register("sim_schema", _Root)
+    for name, lidar in LIDAR_PRESETS.items():
+        register_choice("lidar", name, lidar)
+    for name, noise in NOISE_PRESETS.items():
+        register_choice("noise", name, noise)
 
 
 def usage(conf: Path) -> str:

@@ -1,15 +1,27 @@
 """Where a dataset's scans come from: robots in a simulated building, or a log; after that all is the same."""
 
 import hashlib
+import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from merger.grid_map import GridMap
+from sim.building_map import draw_building
 from sim.carmen import read_carmen
-from sim.config import SimConfig, SourceKind, building_name
+from sim.config import SimConfig, SourceKind, building_name, drive_config
+from sim.odometry import integrate_odometry
+from sim.plan import Material
 from sim.robot_run import RobotRun
+from sim.simulation import Sensor, simulate
+from sim.streams import Purpose, make_stream
 from sim.submap_mapping import map_ground_truth
+from sim.world import World, read_world
+
+_REPEATED = 1e-6
+"""Metres and radians within which odometry repeats the true poses."""
 
 
 @dataclass(frozen=True)
@@ -34,15 +46,44 @@ def make_source(config: SimConfig) -> Source:
     Raises:
         ValueError: the world or log cannot be used, or the configuration asks for the impossible.
     """
-    if config.source.kind is SourceKind.CARMEN:
-        return _read_log(config)
-    raise ValueError("source=simulated: not built yet")
+    return _read_log(config) if config.source.kind is SourceKind.CARMEN else _simulate(config)
+
+
+def _simulate(config: SimConfig) -> Source:
+    world = read_world(config.world)
+    sensor = Sensor(config.lidar, config.noise)
+    runs = simulate(world, drive_config(config), sensor, config.num_robots, config.seed, noise_seed=config.noise_seed)
+    ground_truth = draw_building(world, config.mapping.occupancy.resolution_m)
+    return Source(world.name, runs, ground_truth, {"world": world.name}, {"world.json": _world_json(world)})
+
+
+def _world_json(world: World) -> bytes:
+    """The surfaces of a world: both ends in metres, and the material of each."""
+    surfaces = [
+        {"start": np.round(a, 6).tolist(), "end": np.round(b, 6).tolist(), "material": Material(material).name.lower()}
+        for (a, b), material in zip(world.segments, world.materials, strict=True)
+    ]
+    document = {"name": world.name, "surfaces": surfaces, "starts": np.round(world.starts, 6).tolist()}
+    return (json.dumps(document) + "\n").encode()
 
 
 def _read_log(config: SimConfig) -> Source:
     path = Path(config.source.path or "")
-    runs = read_carmen(path)
+    runs = [_with_odometry(run, index, config) for index, run in enumerate(read_carmen(path))]
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     ground_truth = map_ground_truth(runs, config.mapping.occupancy)
     return Source(building_name(config), runs, ground_truth, {"log": path.name, "log_sha256": digest})
+
+
+def _with_odometry(run: RobotRun, index: int, config: SimConfig) -> RobotRun:
+    """The run of a log; where its odometry only repeats the true poses, odometry that drifts is laid over them."""
+    trajectory = run.trajectory
+    T_world_told = trajectory.T_world_odom @ trajectory.T_odom_robot
+    if not np.allclose(T_world_told, trajectory.T_world_robot, rtol=0.0, atol=_REPEATED):
+        return run
+    seed = config.seed if config.noise_seed is None else config.noise_seed
+    T_odom_robot = integrate_odometry(
+        trajectory.T_world_robot, config.odometry, make_stream(seed, Purpose.ODOMETRY, index)
+    )
+    return replace(run, trajectory=replace(trajectory, T_odom_robot=T_odom_robot))
