@@ -37,6 +37,13 @@ _SHORT = {
     "runtime_s": "T(s)",
     "peak_memory_mb": "MiB",
 }
+_RECALL_WORDS = {
+    "overlap": "true overlap",
+    "recall_low": "low",
+    "recall_high": "high",
+    "recall_initial": "before confirmation",
+    "false": "false, confirmed",
+}
 _BEST_HIGH = ("success", "placed", "precision", "recall")
 _BEST_LOW = ("wrong", "worst m", "median m", "median deg")
 
@@ -57,8 +64,8 @@ def make_chapters(
 ) -> list[Section]:
     """All chapters, in order; pictures are written into a folder as they are drawn."""
     table, sentences = main_table(settings, results)
-    text = "\n".join([_overview(results), *paper_tables.first_words(sentences)])
-    chapters = [Section("Results", text, table=table, best=_best(table))]
+    points = tuple(paper_tables.first_words(sentences))
+    chapters = [Section("Results", _overview(results), table=table, best=_best(table), points=points)]
     if settings.table in ("table1", "table2", "ablation"):
         summary = _summary(results, ["dataset", "method"])
         chapters.append(Section("Summary", "Medians over runs; counts are sums.", table=summary, best=_best(summary)))
@@ -66,7 +73,8 @@ def make_chapters(
     if settings.orders:
         chapters.append(Section("Order", _ORDER_TEXT, table=_order_table(cells)))
     exhibits = [e for e in map(load_exhibit, first_of_each(cells)[:MAX_EXHIBITS]) if e]
-    chapters += [_error_chapter(results, folder), *_picture_chapters(exhibits, folder)]
+    rivals, merged, pairs = _picture_chapters(exhibits, folder)
+    chapters += [rivals, merged, _error_chapter(results, folder), pairs]
     failures = _failed_runs(results)
     if not failures.empty:
         chapters.append(Section("Runs without an answer", "What ended them.", table=failures))
@@ -136,10 +144,12 @@ def _error_chapter(results: Results, folder: Path) -> Section:
         table = curves.recall_by_overlap(results)
         pictures.insert(1, curves.draw_recall(table, folder))
     text = "False: pairs that the method confirms although the truth contradicts them."
+    if table is not None:
+        table = table.rename(columns=_RECALL_WORDS)
     return Section("Errors, pairs and confidences", text, tuple(p for p in pictures if p), table)
 
 
-def _picture_chapters(exhibits: Sequence[Exhibit], folder: Path) -> list[Section]:
+def _picture_chapters(exhibits: Sequence[Exhibit], folder: Path) -> tuple[Section, Section, Section]:
     merged = [figures.draw_coarse_fine(e, folder) for e in exhibits]
     pairs: list[Picture] = []
     for exhibit in exhibits:
@@ -152,11 +162,11 @@ def _picture_chapters(exhibits: Sequence[Exhibit], folder: Path) -> list[Section
         by_dataset.setdefault((exhibit.label, exhibit.scored.cell.dataset.swept), []).append(exhibit)
     rivals = [figures.draw_rivals(group, folder) for group in by_dataset.values() if len(group) > 1]
     walls = "Each map has its own colour; where walls of different colours lie on each other, maps agree."
-    return [
+    return (
         Section("Methods side by side", walls, tuple(rivals)),
         Section("Merged maps", walls, tuple(merged)),
         Section("Pairs of maps", "A cross marks a motion that the truth contradicts.", tuple(pairs)),
-    ]
+    )
 
 
 def _failed_runs(results: Results) -> pd.DataFrame:

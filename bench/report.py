@@ -27,6 +27,8 @@ class Section:
     """A table above the figures."""
     best: tuple[tuple[int, str], ...] = ()
     """Row and column of the table's best values."""
+    points: tuple[str, ...] = ()
+    """Sentences below the table; those that say DISAGREES are marked."""
 
 
 @dataclass(frozen=True)
@@ -76,4 +78,5 @@ def _plain(section: Section) -> dict[str, object]:
         "pictures": section.pictures,
         "columns": columns,
         "rows": rows,
+        "points": section.points,
     }

@@ -12,7 +12,7 @@ from bench.methods import call_method, python_methods
 from bench.prediction import PredictionError, read_prediction
 from bench.scores import score_failure, score_result
 from bench.store import Store
-from sim.config import to_plain_dict
+from sim.config import num_submaps, to_plain_dict
 from sim.dataset import make_dataset, read_dataset
 
 _INDEX = "dataset.json"
@@ -101,7 +101,7 @@ def finish_score(store: Store, cell: Cell, outcome: Outcome) -> ScoredCell:
 def failed_cell(store: Store, cell: Cell, outcome: Outcome) -> ScoredCell:
     """A cell whose dataset could not be made, or whose answer could not be scored."""
     dataset = store.dataset(dataset_key(cell.dataset))
-    num_maps = cell.dataset.config.submaps.count or 0
+    num_maps = num_submaps(cell.dataset.config)
     blank = replace(outcome, wall_s=math.nan, peak_memory_mb=math.nan)
     return ScoredCell(cell, asdict(score_failure(num_maps, blank)), [], [], dataset, dataset / "result.json")
 

@@ -105,6 +105,8 @@ def format_value(value: object) -> str:
     if isinstance(value, (bool,)) or type(value).__name__ == "bool_":
         return "yes" if value else "no"
     if isinstance(value, float):
+        if abs(value) < 1e-9:
+            return "0"
         if value == int(value) and abs(value) < 1e6:
             return str(int(value))
         return f"{value:.0f}" if abs(value) >= 1000 else f"{value:#.3g}".rstrip(".")
