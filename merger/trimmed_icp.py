@@ -15,6 +15,9 @@ from merger.rigid_fit import fit_motion
 _Array = npt.NDArray[np.float64]
 _Search = Callable[[EdgeIndex, _Array], npt.NDArray[np.int32]]
 
+_ROUNDING_M2 = 1e-18
+"""Added to squared distances, so that rounding does not choose the overlap of exact data: a nanometre, squared."""
+
 
 @dataclass(frozen=True)
 class TrimmedIcpConfig:
@@ -124,7 +127,7 @@ def choose_overlap(squared: _Array, config: TrimmedIcpConfig) -> int:
     """
     divisor = _make_divisor(len(squared), config.min_overlap, config.trim_exponent)
     smallest = len(squared) - len(divisor) + 1
-    cost = np.cumsum(squared)[smallest - 1 :] / divisor
+    cost = np.cumsum(squared + _ROUNDING_M2)[smallest - 1 :] / divisor
     return len(squared) - int(np.argmin(cost[::-1]))
 
 
