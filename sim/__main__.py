@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -57,9 +58,8 @@ def _make(node: DictConfig) -> int:
     """Make one dataset."""
     config, run = build(SimConfig, node), build(RunConfig, node)
     out = Path(run.out or f"out/{dataset_name(config)}")
-    progress = _Bars(run.quiet)
-    make_dataset(config, out, workers=run.workers, progress=progress)
-    progress.close()
+    with closing(_Bars(run.quiet)) as progress:
+        make_dataset(config, out, workers=run.workers, progress=progress)
     if not run.quiet:
         print(out)
     return 0
@@ -85,7 +85,7 @@ def _advance(bar: "tqdm[Any]") -> None:
 
 
 class _Bars:
-    """One progress bar for each stage."""
+    """One progress bar for each stage, on a terminal."""
 
     def __init__(self, quiet: bool) -> None:
         self._quiet = quiet
@@ -96,7 +96,7 @@ class _Bars:
         if stage != self._stage:
             self.close()
             self._stage = stage
-            self._bar = tqdm(total=total, desc=stage, unit="", disable=self._quiet, leave=False)
+            self._bar = tqdm(total=total, desc=stage, unit="", disable=self._quiet or None, leave=False)
         if self._bar is not None:
             self._bar.update(done - self._bar.n)
 
