@@ -11,6 +11,7 @@ from merger.motion_modes import MotionModesConfig
 from merger.pairwise import PairwiseConfig
 from merger.ransac import RansacConfig
 from merger.result import Method
+from merger.robust_config import RobustConfig
 from merger.spanning_tree import SpanningTreeConfig
 from merger.trimmed_icp import TrimmedIcpConfig
 
@@ -50,6 +51,8 @@ class MergeConfig:
     """Motion averaging."""
     modes: MotionModesConfig = field(default_factory=MotionModesConfig)
     """Hypotheses of the method `sequential`."""
+    robust: RobustConfig = field(default_factory=RobustConfig)
+    """The method `robust`."""
     compositing: CompositingConfig = field(default_factory=CompositingConfig)
     """The merged map."""
 

@@ -7,6 +7,7 @@ from merger.assembly import assemble_result, composite_largest, place_maps, sort
 from merger.grid_map import GridMap
 from merger.merge_config import MergeConfig, Progress
 from merger.result import MergeResult, Method
+from merger.robust import merge_robustly
 from merger.sequential import merge_sequentially
 from merger.stage_clock import StageClock
 from merger.stages import confirm_motions, merge_all_pairs, prepare_maps, refine_motions
@@ -60,7 +61,11 @@ def merge_by_paper(maps: Sequence[GridMap], config: MergeConfig, progress: Progr
     return replace(assemble_result(config, placements, confirmed, fine, merged), runtime_s=clock.read())
 
 
-METHODS: dict[Method, MergeMethod] = {Method.PAPER: merge_by_paper, Method.SEQUENTIAL: merge_sequentially}
+METHODS: dict[Method, MergeMethod] = {
+    Method.PAPER: merge_by_paper,
+    Method.ROBUST: merge_robustly,
+    Method.SEQUENTIAL: merge_sequentially,
+}
 """The ways to merge, by name."""
 
 

@@ -1,0 +1,184 @@
+"""Dense search: every rotation and every shift of one map over another, by correlation (FFT).
+
+The score of a motion is taken in both directions: how well the source's walls fall on the target's walls (their
+likelihood) minus how much they fall into its free space, plus the same for the target's walls in the source. Because
+free space counts, a corridor laid over a room scores low although its walls find partners.
+
+Source: correlative scan matching [Olson 2009], with the free space of grid maps, in Fourier space.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import scipy.fft
+
+from merger import se2
+from merger.wall_kernels import FREE
+from merger.wall_structure import WallStructure
+
+Array = npt.NDArray[np.float64]
+Image = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class DenseSearchConfig:
+    """Settings of the dense search.
+
+    Raises:
+        ValueError: a setting is out of its range.
+    """
+
+    cell_m: float = 0.3
+    """Step of the shifts and width of the likelihood, metres, > 0."""
+    step_deg: float = 4.0
+    """Step of the rotations, degrees, in (0, 90]."""
+    free_weight: float = 4.0
+    """Cost of a wall in free space relative to the gain of a wall on a wall, >= 0."""
+    num_peaks: int = 32
+    """Hypotheses to return, at least 1."""
+    num_peaks_rotation: int = 6
+    """Peaks to keep of each rotation, at least 1."""
+    separation_m: float = 1.0
+    """Two hypotheses nearer than this, and than three rotation steps, are one, metres, > 0."""
+
+    def __post_init__(self) -> None:
+        """Refuse values out of range."""
+        for name in ("cell_m", "separation_m"):
+            if not getattr(self, name) > 0.0:
+                raise ValueError(f"{name} must be > 0 m, got {getattr(self, name)}")
+        if not 0.0 < self.step_deg <= 90.0:
+            raise ValueError(f"step_deg must be in (0, 90], got {self.step_deg}")
+        if not self.free_weight >= 0.0:
+            raise ValueError(f"free_weight must be >= 0, got {self.free_weight}")
+        if min(self.num_peaks, self.num_peaks_rotation) < 1:
+            raise ValueError("num_peaks and num_peaks_rotation must be >= 1")
+
+    @property
+    def angles_rad(self) -> Array:
+        """(R,) rotations that are tried."""
+        return np.arange(0.0, 2.0 * np.pi - 1e-9, np.radians(self.step_deg))
+
+
+@dataclass(frozen=True)
+class CoarseMap:
+    """A map in coarse cells about its middle, ready to be turned."""
+
+    walls: Image
+    """(S, S) share of each cell that is wall."""
+    reward: Image
+    """(S, S) what a wall in this cell is worth: 1 on a wall, ``-free_weight`` in free space, 0 in the unknown."""
+    center_map: Array
+    """(2,) the middle, metres, frame ``map``."""
+
+
+@dataclass(frozen=True)
+class Peak:
+    """One hypothesis of a pair."""
+
+    T_target_source: Array
+    """(3, 3) motion between the frames ``map``, metres."""
+    score: float
+    """Coarse cells of wall that agree, minus the cost of those in free space."""
+
+
+def coarsen(structure: WallStructure, config: DenseSearchConfig) -> CoarseMap:
+    """Reduce a map to the cells of the dense search."""
+    walls, resolution_m = structure.walls, structure.fields.resolution_m
+    free_rows, free_cols = np.nonzero(structure.fields.state == FREE)
+    free = np.asarray((np.stack([free_cols, free_rows], axis=-1) + 0.5) * resolution_m, dtype=np.float64)
+    known = np.concatenate([walls.points, free])
+    low, high = (known.min(axis=0), known.max(axis=0)) if len(known) else (np.zeros(2), np.zeros(2))
+    center = 0.5 * (low + high)
+    radius_m = np.sqrt(((known - center) ** 2).sum(axis=1).max(initial=0.0))
+    side = 2 * int(np.ceil(radius_m / config.cell_m)) + 3
+
+    def splat(points: Array, weights: Array) -> Image:
+        cells = np.floor((points - center) / config.cell_m + 0.5 * side).astype(np.int64)
+        return (
+            np.bincount(cells[:, 1] * side + cells[:, 0], weights, side * side).reshape(side, side).astype(np.float32)
+        )
+
+    filled = np.minimum(splat(walls.points, walls.lengths_m) / np.float32(config.cell_m), np.float32(1.0))
+    distance = cv2.distanceTransform((filled == 0.0).astype(np.uint8), cv2.DIST_L2, 5)
+    likelihood = np.exp(-0.5 * distance * distance)
+    cell_share = np.full(len(free), (resolution_m / config.cell_m) ** 2)
+    space = np.minimum(splat(free, cell_share), np.float32(1.0)) * (np.float32(1.0) - likelihood)
+    reward = likelihood - np.float32(config.free_weight) * space
+    return CoarseMap(filled, reward.astype(np.float32), se2.transform_points(structure.T_map_field, center[None])[0])
+
+
+def search_motions(target: CoarseMap, source: CoarseMap, config: DenseSearchConfig) -> list[Peak]:
+    """Find the motions under which two maps agree best.
+
+    Args:
+        target: The map that stays.
+        source: The map that moves.
+        config: The settings; the same as those of `coarsen`.
+
+    Returns:
+        At most ``num_peaks`` hypotheses, best first, apart from each other.
+    """
+    target_side, source_side = len(target.walls), len(source.walls)
+    side = scipy.fft.next_fast_len(target_side + source_side, real=True)
+    target_walls, target_reward = (scipy.fft.rfft2(image, (side, side)) for image in (target.walls, target.reward))
+    found: list[tuple[float, int, int, int]] = []
+    for index, angle in enumerate(config.angles_rad):
+        walls, reward = (
+            scipy.fft.rfft2(_rotate(image, float(angle)), (side, side)) for image in (source.walls, source.reward)
+        )
+        score = scipy.fft.irfft2(np.conj(walls) * target_reward + np.conj(reward) * target_walls, (side, side))
+        found += [(value, index, row, col) for value, row, col in _peaks(score, config.num_peaks_rotation)]
+    found.sort(key=lambda peak: (-peak[0], peak[1:]))
+    wrapped = [(v, k, r - side * (r >= target_side), c - side * (c >= target_side)) for v, k, r, c in found]
+    return _separate(wrapped, target, source, config)
+
+
+def _rotate(image: Image, angle_rad: float) -> Image:
+    """Turn an image about its middle, counter-clockwise in the frame x = column, y = row."""
+    middle = (len(image) - 1) / 2.0
+    matrix = cv2.getRotationMatrix2D((middle, middle), -np.degrees(angle_rad), 1.0)
+    return np.asarray(cv2.warpAffine(image, matrix, image.shape[::-1], flags=cv2.INTER_LINEAR), np.float32)
+
+
+def _peaks(score: npt.NDArray[np.floating], count: int) -> list[tuple[float, int, int]]:
+    """The highest local maxima: value, row, column."""
+    is_peak = score >= cv2.dilate(score, np.ones((3, 3), np.uint8))
+    flat = np.flatnonzero(is_peak)
+    values = score.ravel()[flat]
+    if len(flat) > count:
+        best = np.argpartition(-values, count)[:count]
+        flat, values = flat[best], values[best]
+    rows, cols = np.divmod(flat, score.shape[1])
+    return [(float(v), int(r), int(c)) for v, r, c in zip(values, rows, cols, strict=True)]
+
+
+def _separate(
+    found: list[tuple[float, int, int, int]], target: CoarseMap, source: CoarseMap, config: DenseSearchConfig
+) -> list[Peak]:
+    """Turn peaks into motions, best first, without the weaker of two that are nearly the same."""
+    kept: list[Peak] = []
+    places = np.zeros((config.num_peaks, 3))
+    half = 0.5 * (len(source.walls) - len(target.walls))
+    for score, index, row, col in found:
+        angle = config.angles_rad[index]
+        shift = (np.array([col, row]) + half) * config.cell_m
+        place = np.array([*shift, angle])
+        apart = np.abs(se2.wrap_angle(places[: len(kept), 2] - angle)) > np.radians(3.0 * config.step_deg)
+        apart |= np.linalg.norm(places[: len(kept), :2] - shift, axis=1) > config.separation_m
+        if not apart.all():
+            continue
+        T = _turn_about(source.center_map, target.center_map + shift, float(angle))
+        places[len(kept)] = place
+        kept.append(Peak(T, score))
+        if len(kept) == config.num_peaks:
+            break
+    return kept
+
+
+def _turn_about(center_source: Array, center_target: Array, angle_rad: float) -> Array:
+    """The motion that turns by an angle and puts one (2,) place onto another."""
+    T = se2.make_motion(0.0, 0.0, angle_rad)
+    T[:2, 2] = center_target - T[:2, :2] @ center_source
+    return T

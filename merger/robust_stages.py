@@ -1,0 +1,125 @@
+"""The stages of the robust method over all maps, pairs and groups."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+import numpy.typing as npt
+
+from merger import se2
+from merger.consensus import Agreement, PairHypotheses
+from merger.dense_search import CoarseMap, coarsen
+from merger.grid_map import GridMap
+from merger.hypotheses import Hypothesis, is_same_motion, search_pair
+from merger.joint_refinement import refine_jointly
+from merger.merge_config import MergeConfig, Progress
+from merger.motion_graph import MotionGraph
+from merger.robust_averaging import average_robustly
+from merger.stages import map_in_threads
+from merger.wall_alignment import motion_information
+from merger.wall_structure import WallStructure, extract_structure
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class DescribedMap:
+    """A map, ready to be compared."""
+
+    structure: WallStructure
+    """Its walls and look-up fields."""
+    coarse: CoarseMap
+    """Its cells of the dense search."""
+
+
+@dataclass(frozen=True)
+class PlacedGroup:
+    """Where the maps of one component lie."""
+
+    members: tuple[int, ...]
+    """Numbers of the maps, rising."""
+    T_first_map_initial: Array
+    """(M, 3, 3) motions by consensus into the frame of the first member."""
+    T_first_map: Array
+    """(M, 3, 3) motions after averaging and joint refinement."""
+    covariance: Array
+    """(M, 3, 3) covariance of ``v = (x, y, theta)`` in ``T_first_map @ exp(v)``."""
+
+
+def describe_maps(maps: Sequence[GridMap], config: MergeConfig, progress: Progress) -> list[DescribedMap]:
+    """Extract walls, look-up fields and coarse cells of all maps."""
+    consensus = config.robust.consensus
+
+    def work(grid: GridMap) -> DescribedMap:
+        structure = extract_structure(grid, consensus.structure)
+        return DescribedMap(structure, coarsen(structure, consensus.pairs.dense))
+
+    return map_in_threads(work, maps, config.workers, "features", progress)
+
+
+def search_all_pairs(described: Sequence[DescribedMap], config: MergeConfig, progress: Progress) -> PairHypotheses:
+    """Find the motions in question of every pair."""
+
+    def work(pair: tuple[int, int]) -> tuple[Hypothesis, ...]:
+        target, source = described[pair[0]], described[pair[1]]
+        return search_pair(
+            (target.structure, target.coarse), (source.structure, source.coarse), config.robust.consensus.pairs
+        )
+
+    pairs = list(combinations(range(len(described)), 2))
+    return dict(zip(pairs, map_in_threads(work, pairs, config.workers, "pairs", progress), strict=True))
+
+
+def refine_groups(
+    described: Sequence[DescribedMap], hypotheses: PairHypotheses, agreement: Agreement, config: MergeConfig
+) -> tuple[PlacedGroup, ...]:
+    """Average the confirmed motions of each group, then refine all its maps at once."""
+    placed = []
+    for group in agreement.groups:
+        structures = [described[number].structure for number in group.members]
+        T, covariance = group.T_group_map, np.zeros((len(group.members), 3, 3))
+        if len(group.members) > 1 and config.robust.average:
+            graph, information = _confirmed_motions(described, hypotheses, group.members, T, config)
+            T = average_robustly(graph, information, T, config.robust.averaging)
+        if len(group.members) > 1 and config.robust.refine_jointly:
+            joint = refine_jointly(structures, T, config.robust.joint)
+            T, covariance = joint.T_root_map, joint.covariance
+        placed.append(PlacedGroup(group.members, group.T_group_map, T, covariance))
+    return tuple(placed)
+
+
+def confirmed_motion(
+    hypotheses: Sequence[Hypothesis], T_target_source: Array, source: WallStructure, config: MergeConfig
+) -> Hypothesis | None:
+    """The motion in question that agrees with a placement, (3, 3) ``T_target_source``; None if there is none."""
+    for hypothesis in hypotheses:
+        pairs = config.robust.consensus.pairs
+        if is_same_motion(hypothesis.T_target_source, T_target_source, source.center_map, pairs):
+            return hypothesis
+    return None
+
+
+def _confirmed_motions(
+    described: Sequence[DescribedMap],
+    hypotheses: PairHypotheses,
+    members: tuple[int, ...],
+    T_group_map: Array,
+    config: MergeConfig,
+) -> tuple[MotionGraph, Array]:
+    """The graph of the relative motions that agree with a group's placement, and their information."""
+    edges, motions, information = [], [], []
+    for (a, i), (b, j) in combinations(enumerate(members), 2):
+        target, source = described[i].structure, described[j].structure
+        T_i_j = se2.invert(T_group_map[a]) @ T_group_map[b]
+        found = confirmed_motion(hypotheses.get((i, j), ()), T_i_j, source, config)
+        if found is None:
+            continue
+        edges.append((a, b))
+        motions.append(found.T_target_source)
+        variance = config.robust.joint.metre_variance_m3
+        information.append(motion_information(target, source, found.T_target_source, variance))
+    graph = MotionGraph(
+        len(members), np.array(edges, dtype=np.intp).reshape(-1, 2), np.array(motions).reshape(-1, 3, 3)
+    )
+    return graph, np.array(information).reshape(-1, 3, 3)
