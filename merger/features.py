@@ -95,7 +95,7 @@ def match_features(target: Features, source: Features, config: FeatureConfig) ->
     if len(target.points_grid) < 2 or len(source.points_grid) < 2:
         return np.zeros((0, 2), dtype=np.intp)
     squared = _squared_distances(target.descriptors, source.descriptors)
-    matches = _nearest(squared.T, config.ratio)[:, ::-1]
+    matches = _nearest(np.ascontiguousarray(squared.T), config.ratio)[:, ::-1]
     if config.both_directions:
         matches = np.concatenate([matches, _nearest(squared, config.ratio)])
     return np.unique(matches, axis=0)
@@ -158,8 +158,10 @@ def _squared_distances(a: npt.NDArray[np.float32], b: npt.NDArray[np.float32]) -
 
 
 def _nearest(squared: npt.NDArray[np.float32], ratio: float) -> npt.NDArray[np.intp]:
-    """(K, 2) row and nearest column, for the rows whose nearest passes the ratio test."""
-    two = np.argpartition(squared, 1, axis=1)[:, :2]
-    values = np.take_along_axis(squared, two, axis=1)
-    passed = np.flatnonzero(values[:, 0] < ratio * ratio * values[:, 1])
-    return np.stack([passed, two[passed, 0]], axis=1)
+    """(K, 2) row and nearest column, for the rows whose nearest passes the ratio test; ``squared`` is overwritten."""
+    rows = np.arange(len(squared))
+    nearest = squared.argmin(axis=1)
+    first = squared[rows, nearest]
+    squared[rows, nearest] = np.inf
+    passed = np.flatnonzero(first < ratio * ratio * squared.min(axis=1))
+    return np.stack([passed, nearest[passed]], axis=1)

@@ -21,12 +21,14 @@ def fit_motion(
     Returns:
         (..., 3, 3) ``T_target_source``. With all source points in one place the rotation is the identity.
     """
-    center_target = points_target.mean(axis=-2)
-    center_source = points_source.mean(axis=-2)
+    count = points_source.shape[-2]
+    center_target = np.add.reduce(points_target, axis=-2) / count
+    center_source = np.add.reduce(points_source, axis=-2) / count
     target = points_target - center_target[..., None, :]
     source = points_source - center_source[..., None, :]
-    cosine = np.sum(source * target, axis=(-2, -1))
-    sine = np.sum(source[..., 0] * target[..., 1] - source[..., 1] * target[..., 0], axis=-1)
+    products = np.swapaxes(source, -1, -2) @ target
+    cosine = products[..., 0, 0] + products[..., 1, 1]
+    sine = products[..., 0, 1] - products[..., 1, 0]
     T_target_source = se2.make_motion(0.0, 0.0, np.arctan2(sine, cosine))
     rotated = (T_target_source[..., :2, :2] @ center_source[..., None])[..., 0]
     T_target_source[..., :2, 2] = center_target - rotated
