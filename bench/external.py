@@ -12,9 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from bench.isolation import Skipped, die_with_parent
+from bench.submap_scans import write_submap_scans
 
 PLACEHOLDERS = ("{maps}", "{out}")
 """What a command must contain."""
+SCANS = "{scans}"
+"""What a command may contain: a folder with the scans of each map, see `bench.submap_scans`."""
 SKIP_STATUS = 77
 """Exit status of a command that cannot run here (as in Automake); its last line on stderr is the reason."""
 _ORDER = "order.txt"
@@ -38,7 +41,7 @@ def check_command(command: str) -> None:
 def call_command(command: str, maps: Sequence[Path], out: Path) -> dict[str, Any]:
     """Run an external method on copies of the maps, alone in a folder: the truth is nowhere near.
 
-    The folder holds the maps' YAML and image files, and ``order.txt``, their names in the order in which a
+    The folder holds the maps' YAML and image files; beside it lies ``order.txt``, their names in the order in which a
     sequential method is to take them.
 
     Args:
@@ -56,7 +59,8 @@ def call_command(command: str, maps: Sequence[Path], out: Path) -> dict[str, Any
     with tempfile.TemporaryDirectory(prefix="mapmerge-") as folder:
         copies = Path(folder) / "maps"
         _copy_maps(maps, copies)
-        words = [w.replace("{maps}", str(copies)).replace("{out}", str(out.absolute())) for w in shlex.split(command)]
+        places = {"{maps}": str(copies), "{out}": str(out.absolute()), SCANS: str(_scans(command, maps, Path(folder)))}
+        words = [_fill_in(word, places) for word in shlex.split(command)]
         start = time.perf_counter()
         status, last_line = _run(words, Path(folder))
         wall_s = time.perf_counter() - start
@@ -75,6 +79,21 @@ def _copy_maps(maps: Sequence[Path], folder: Path) -> None:
         shutil.copy(path, folder / path.name)
         shutil.copy(path.with_suffix(".pgm"), folder / path.with_suffix(".pgm").name)
     (folder.parent / _ORDER).write_text("".join(f"{path.stem}\n" for path in maps), encoding="utf-8")
+
+
+def _scans(command: str, maps: Sequence[Path], folder: Path) -> Path:
+    """The folder for the scans, filled if the command asks for them."""
+    scans = folder / "scans"
+    scans.mkdir()
+    if SCANS in command:
+        write_submap_scans(maps[0].parent.parent, scans)
+    return scans
+
+
+def _fill_in(word: str, places: dict[str, str]) -> str:
+    for placeholder, place in places.items():
+        word = word.replace(placeholder, place)
+    return word
 
 
 def _run(words: list[str], folder: Path) -> tuple[int, str]:

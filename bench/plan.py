@@ -9,6 +9,7 @@ from bench.cell import Cell, DatasetSpec, MethodKind, MethodSpec, Setting
 from bench.external import check_command
 from bench.methods import merge_config, python_methods
 from bench.settings import OWN_METHODS, BenchSettings, DatasetSettings
+from bench.shipped import SHIPPED, shipped_command
 from sim.config import SimConfig, SourceKind
 
 ComposeSim = Callable[[Sequence[str]], SimConfig]
@@ -135,9 +136,11 @@ def _call(name: str, settings: BenchSettings) -> tuple[MethodKind, str, tuple[tu
         return MethodKind.MERGER, name, ()
     if name in python_methods():
         return MethodKind.PYTHON, name, ()
+    if name in SHIPPED:
+        return MethodKind.EXTERNAL, shipped_command(name), ()
     if name == "external":
         raise ValueError("method=external needs method.command='prog {maps} {out}'")
-    known = [*OWN_METHODS, *settings.variants, *sorted(python_methods()), "external"]
+    known = [*OWN_METHODS, *settings.variants, *sorted(python_methods()), *SHIPPED, "external"]
     raise ValueError(f"unknown method '{name}': there are {', '.join(known)}")
 
 
