@@ -41,7 +41,7 @@ def draw_merge(merged: GridMap, maps: list[GridMap], placements: tuple[MapPlacem
     for grid, placement, colour in zip(maps, placements, colours, strict=True):
         if placement.component == 0:
             pixels = _to_pixels(merged, grid, placement, scale)
-            _paint(image, pixels, colour, max(1, round(scale * grid.resolution_m / merged.resolution_m)))
+            _paint(image, pixels, colour, max(2, round(scale * grid.resolution_m / merged.resolution_m)))
             if len(pixels):
                 labels.append((placement.name, np.median(pixels, axis=0), colour))
     image = np.ascontiguousarray(image[::-1])

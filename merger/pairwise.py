@@ -44,16 +44,9 @@ def merge_pair(
         The motion between the maps' own metres, still to be confirmed (``reliable``), or the reason why there is none.
     """
     matches = match_features(target.features, source.features, config.features)
-    guess = guess_motion(
-        target.features.points_grid[matches[:, 0]], source.features.points_grid[matches[:, 1]], config.ransac, rng
-    )
-    pair = PairResult(
-        target.name,
-        source.name,
-        PairStatus.NO_MATCH,
-        num_matches=len(matches),
-        num_inliers=guess.num_inliers,
-    )
+    places = target.features.points_grid[matches[:, 0]], source.features.points_grid[matches[:, 1]]
+    guess = guess_motion(*places, config.ransac, rng)
+    pair = PairResult(target.name, source.name, PairStatus.NO_MATCH, None, None, len(matches), guess.num_inliers)
     if target.edges is None or source.edges is None:
         return replace(pair, reason="a map has no wall to align")
     if guess.num_inliers < config.ransac.min_inliers:
