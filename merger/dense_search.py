@@ -7,6 +7,7 @@ free space counts, a corridor laid over a room scores low although its walls fin
 Source: correlative scan matching [Olson 2009], with the free space of grid maps, in Fourier space.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -20,6 +21,10 @@ from merger.wall_structure import WallStructure
 
 Array = npt.NDArray[np.float64]
 Image = npt.NDArray[np.float32]
+Spectrum = npt.NDArray[np.complex64]
+
+_CORE_QUANTILES = (0.01, 0.99)
+"""The walls between these quantiles are searched."""
 
 
 @dataclass(frozen=True)
@@ -88,17 +93,14 @@ def coarsen(structure: WallStructure, config: DenseSearchConfig) -> CoarseMap:
     walls, resolution_m = structure.walls, structure.fields.resolution_m
     free_rows, free_cols = np.nonzero(structure.fields.state == FREE)
     free = np.asarray((np.stack([free_cols, free_rows], axis=-1) + 0.5) * resolution_m, dtype=np.float64)
-    known = np.concatenate([walls.points, free])
-    low, high = (known.min(axis=0), known.max(axis=0)) if len(known) else (np.zeros(2), np.zeros(2))
-    center = 0.5 * (low + high)
-    radius_m = np.sqrt(((known - center) ** 2).sum(axis=1).max(initial=0.0))
+    center, radius_m = _circle(walls.points)
     side = 2 * int(np.ceil(radius_m / config.cell_m)) + 3
 
     def splat(points: Array, weights: Array) -> Image:
         cells = np.floor((points - center) / config.cell_m + 0.5 * side).astype(np.int64)
-        return (
-            np.bincount(cells[:, 1] * side + cells[:, 0], weights, side * side).reshape(side, side).astype(np.float32)
-        )
+        inside = ((cells >= 0) & (cells < side)).all(axis=1)
+        flat = cells[inside, 1] * side + cells[inside, 0]
+        return np.bincount(flat, weights[inside], side * side).reshape(side, side).astype(np.float32)
 
     filled = np.minimum(splat(walls.points, walls.lengths_m) / np.float32(config.cell_m), np.float32(1.0))
     distance = cv2.distanceTransform((filled == 0.0).astype(np.uint8), cv2.DIST_L2, 5)
@@ -109,30 +111,42 @@ def coarsen(structure: WallStructure, config: DenseSearchConfig) -> CoarseMap:
     return CoarseMap(filled, reward.astype(np.float32), se2.transform_points(structure.T_map_field, center[None])[0])
 
 
-def search_motions(target: CoarseMap, source: CoarseMap, config: DenseSearchConfig) -> list[Peak]:
-    """Find the motions under which two maps agree best.
+def _circle(points: Array) -> tuple[Array, float]:
+    """A centre and a radius, metres, that hold all walls but the few farthest: stray far hits would cost much time."""
+    if len(points) == 0:
+        return np.zeros(2), 0.0
+    low, high = np.quantile(points, _CORE_QUANTILES, axis=0)
+    center = 0.5 * (low + high)
+    return center, float(np.quantile(np.hypot(*(points - center).T), _CORE_QUANTILES[1]))
+
+
+def search_motions(targets: Sequence[CoarseMap], source: CoarseMap, config: DenseSearchConfig) -> list[list[Peak]]:
+    """Find the motions under which a map agrees best with each of several others.
 
     Args:
-        target: The map that stays.
+        targets: The maps that stay, at least one.
         source: The map that moves.
         config: The settings; the same as those of `coarsen`.
 
     Returns:
-        At most ``num_peaks`` hypotheses, best first, apart from each other.
+        For each target at most ``num_peaks`` hypotheses, best first, apart from each other.
     """
-    target_side, source_side = len(target.walls), len(source.walls)
-    side = scipy.fft.next_fast_len(target_side + source_side, real=True)
-    target_walls, target_reward = (scipy.fft.rfft2(image, (side, side)) for image in (target.walls, target.reward))
-    found: list[tuple[float, int, int, int]] = []
+    source_side = len(source.walls)
+    side = scipy.fft.next_fast_len(source_side + max(len(target.walls) for target in targets), real=True)
+    spectra = [_spectra(target.walls, target.reward, side) for target in targets]
+    found: list[list[tuple[float, int, int, int]]] = [[] for _ in targets]
     for index, angle in enumerate(config.angles_rad):
-        walls, reward = (
-            scipy.fft.rfft2(_rotate(image, float(angle)), (side, side)) for image in (source.walls, source.reward)
-        )
-        score = scipy.fft.irfft2(np.conj(walls) * target_reward + np.conj(reward) * target_walls, (side, side))
-        found += [(value, index, row, col) for value, row, col in _peaks(score, config.num_peaks_rotation)]
-    found.sort(key=lambda peak: (-peak[0], peak[1:]))
-    wrapped = [(v, k, r - side * (r >= target_side), c - side * (c >= target_side)) for v, k, r, c in found]
-    return _separate(wrapped, target, source, config)
+        walls, reward = _spectra(_rotate(source.walls, float(angle)), _rotate(source.reward, float(angle)), side)
+        np.conj(walls, out=walls)
+        np.conj(reward, out=reward)
+        for peaks, (target_walls, target_reward) in zip(found, spectra, strict=True):
+            score = scipy.fft.irfft2(walls * target_reward + reward * target_walls, (side, side))
+            peaks += [(value, index, row, col) for value, row, col in _peaks(score, config.num_peaks_rotation)]
+    return [_separate(peaks, side, target, source, config) for peaks, target in zip(found, targets, strict=True)]
+
+
+def _spectra(walls: Image, reward: Image, side: int) -> tuple[Spectrum, Spectrum]:
+    return scipy.fft.rfft2(walls, (side, side)), scipy.fft.rfft2(reward, (side, side))
 
 
 def _rotate(image: Image, angle_rad: float) -> Image:
@@ -155,15 +169,18 @@ def _peaks(score: npt.NDArray[np.floating], count: int) -> list[tuple[float, int
 
 
 def _separate(
-    found: list[tuple[float, int, int, int]], target: CoarseMap, source: CoarseMap, config: DenseSearchConfig
+    found: list[tuple[float, int, int, int]], side: int, target: CoarseMap, source: CoarseMap, config: DenseSearchConfig
 ) -> list[Peak]:
     """Turn peaks into motions, best first, without the weaker of two that are nearly the same."""
+    found.sort(key=lambda peak: (-peak[0], peak[1:]))
+    target_side = len(target.walls)
     kept: list[Peak] = []
     places = np.zeros((config.num_peaks, 3))
     half = 0.5 * (len(source.walls) - len(target.walls))
     for score, index, row, col in found:
         angle = config.angles_rad[index]
-        shift = (np.array([col, row]) + half) * config.cell_m
+        wrapped = np.array([col - side * (col >= target_side), row - side * (row >= target_side)])
+        shift = (wrapped + half) * config.cell_m
         place = np.array([*shift, angle])
         apart = np.abs(se2.wrap_angle(places[: len(kept), 2] - angle)) > np.radians(3.0 * config.step_deg)
         apart |= np.linalg.norm(places[: len(kept), :2] - shift, axis=1) > config.separation_m

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from merger import se2
-from merger.dense_search import CoarseMap, DenseSearchConfig, search_motions
+from merger.dense_search import DenseSearchConfig
 from merger.pair_probability import ProbabilityConfig, log_odds_of, score_motion
 from merger.verification import Evidence, VerificationConfig, measure_evidence
 from merger.wall_alignment import AlignmentConfig, align_walls
@@ -93,14 +93,6 @@ def find_hypotheses(
     ranked = [quick[index] for _, index in sorted(scored, key=lambda item: (-item[0], item[1]))]
     fine = [align_walls(target, source, T, config.fine) for T in _distinct(ranked, source, config)]
     return judge_motions(target, source, _distinct(fine, source, config), config)
-
-
-def search_pair(
-    target: tuple[WallStructure, CoarseMap], source: tuple[WallStructure, CoarseMap], config: HypothesesConfig
-) -> tuple[Hypothesis, ...]:
-    """Find the motions of one pair of maps by dense search."""
-    peaks = search_motions(target[1], source[1], config.dense)
-    return find_hypotheses(target[0], source[0], [peak.T_target_source for peak in peaks], config)
 
 
 def judge_motions(

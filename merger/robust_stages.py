@@ -9,9 +9,9 @@ import numpy.typing as npt
 
 from merger import se2
 from merger.consensus import Agreement, PairHypotheses
-from merger.dense_search import CoarseMap, coarsen
+from merger.dense_search import CoarseMap, coarsen, search_motions
 from merger.grid_map import GridMap
-from merger.hypotheses import Hypothesis, is_same_motion, search_pair
+from merger.hypotheses import Hypothesis, find_hypotheses, is_same_motion
 from merger.joint_refinement import refine_jointly
 from merger.merge_config import MergeConfig, Progress
 from merger.motion_graph import MotionGraph
@@ -59,16 +59,20 @@ def describe_maps(maps: Sequence[GridMap], config: MergeConfig, progress: Progre
 
 
 def search_all_pairs(described: Sequence[DescribedMap], config: MergeConfig, progress: Progress) -> PairHypotheses:
-    """Find the motions in question of every pair."""
+    """Find the motions in question of every pair: each map is searched for in all maps before it."""
+    settings = config.robust.consensus.pairs
 
-    def work(pair: tuple[int, int]) -> tuple[Hypothesis, ...]:
-        target, source = described[pair[0]], described[pair[1]]
-        return search_pair(
-            (target.structure, target.coarse), (source.structure, source.coarse), config.robust.consensus.pairs
-        )
+    def work(j: int) -> list[tuple[Hypothesis, ...]]:
+        source, targets = described[j], described[:j]
+        peaks = search_motions([target.coarse for target in targets], source.coarse, settings.dense)
+        return [
+            find_hypotheses(target.structure, source.structure, [peak.T_target_source for peak in found], settings)
+            for target, found in zip(targets, peaks, strict=True)
+        ]
 
-    pairs = list(combinations(range(len(described)), 2))
-    return dict(zip(pairs, map_in_threads(work, pairs, config.workers, "pairs", progress), strict=True))
+    sources = range(len(described) - 1, 0, -1)
+    found = map_in_threads(work, sources, config.workers, "pairs", progress)
+    return {(i, j): motions for j, row in zip(sources, found, strict=True) for i, motions in enumerate(row)}
 
 
 def refine_groups(

@@ -45,7 +45,7 @@ class Fields(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def refine_motion(  # noqa: PLR0917 # numba takes no keyword-only arguments
-    T: Any,
+    T_start: Array,
     source: Walls,
     target: Walls,
     source_all: Walls,
@@ -58,7 +58,7 @@ def refine_motion(  # noqa: PLR0917 # numba takes no keyword-only arguments
     """Gauss-Newton steps on the point-to-wall residuals of both directions, the cut-off falling.
 
     Args:
-        T: (3, 3) start, ``T_target_source`` between the frames ``field``.
+        T_start: (3, 3) start, ``T_target_source`` between the frames ``field``.
         source: Points of the source that are compared.
         target: Points of the target that are compared.
         source_all: All points of the source, which its fields name.
@@ -71,6 +71,7 @@ def refine_motion(  # noqa: PLR0917 # numba takes no keyword-only arguments
     Returns:
         (3, 3) refined motion.
     """
+    T: Any = T_start
     for k in range(len(cutoffs_m)):
         A, b = np.zeros((3, 3)), np.zeros(3)
         add_equations(T, source, target_all, target_fields, cutoffs_m[k], False, A, b)
