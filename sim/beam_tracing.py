@@ -65,7 +65,7 @@ def integrate_scans(
     _integrate(log_odds, ranges_m, T_cells_lidar, directions, model)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _usable(range_m: float, max_range_m: float, no_return_free_m: float) -> tuple[float, bool]:
     """Length of the part of a beam that frees cells (0: the beam is ignored), and whether its end is a hit."""
     if not range_m > 0.0:
@@ -77,7 +77,7 @@ def _usable(range_m: float, max_range_m: float, no_return_free_m: float) -> tupl
     return range_m, True
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _extent(ranges_m, T, directions, model):  # type: ignore[no-untyped-def] # a kernel
     box = np.array([np.inf, np.inf, -np.inf, -np.inf])
     for s in range(len(ranges_m)):
@@ -89,13 +89,13 @@ def _extent(ranges_m, T, directions, model):  # type: ignore[no-untyped-def] # a
     return box
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _widen(box, x, y):  # type: ignore[no-untyped-def] # a kernel
     box[0], box[1] = min(box[0], x), min(box[1], y)
     box[2], box[3] = max(box[2], x), max(box[3], y)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _integrate(log_odds, ranges_m, T, directions, model):  # type: ignore[no-untyped-def] # a kernel
     """Mark the cells of one scan (misses first, so that hits overwrite them), then add the marks of its box."""
     num_beams = len(directions)
@@ -119,7 +119,7 @@ def _integrate(log_odds, ranges_m, T, directions, model):  # type: ignore[no-unt
         _add_marks(log_odds, marks, box, model)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _mark_crossed(marks, x0, y0, x1, y1):  # type: ignore[no-untyped-def] # a kernel
     """Mark every cell that the segment crosses: along its longer axis it meets one or two cells a step."""
     row_stride, column_stride = marks.shape[1], 1
@@ -141,7 +141,7 @@ def _mark_crossed(marks, x0, y0, x1, y1):  # type: ignore[no-untyped-def] # a ke
     flat[int(y1) * row_stride + last * column_stride] = _FREE
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _add_marks(log_odds, marks, box, model):  # type: ignore[no-untyped-def] # a kernel
     """Add the marked cells' log-odds and clear the marks."""
     zero, limit = np.float32(0.0), np.float32(model.log_odds_limit)

@@ -31,7 +31,7 @@ def stream_key(seed: int, *names: str) -> np.uint64:
     return np.uint64(key[0])
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def hash_counter(key, counter):  # type: ignore[no-untyped-def] # a kernel
     """64 random bits of a stream at a place: both are uint64."""
     z = key + counter * _GOLDEN
@@ -40,13 +40,13 @@ def hash_counter(key, counter):  # type: ignore[no-untyped-def] # a kernel
     return z ^ (z >> _SHIFT_3)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def uniform_at(key, counter):  # type: ignore[no-untyped-def] # a kernel
     """A number of the uniform distribution on [0, 1)."""
     return np.float64(hash_counter(key, counter) >> _MANTISSA_SHIFT) * _TO_UNIT
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def normal_at(key, counter):  # type: ignore[no-untyped-def] # a kernel
     """A number of the standard normal distribution."""
     bits = hash_counter(key, counter)

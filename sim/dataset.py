@@ -1,6 +1,7 @@
 """A dataset: made from a config, and read back."""
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -58,7 +59,7 @@ def make_dataset(config: SimConfig, out: Path, *, workers: int = 1, progress: Pr
     report("runs", 0, 1)
     source = make_source(config)
     cuts = cut_submaps([run.num_scans for run in source.runs], num_submaps(config), config.submaps.overlap)
-    submaps = _map_submaps(config, source.runs, cuts, report)
+    submaps = _map_submaps(config, source.runs, cuts, workers, report)
     truth = find_truth([run.trajectory for run in source.runs], cuts, submaps)
     with new_folder(out) as folder:
         write_files(folder, DatasetContent(config, source, cuts, submaps, truth), report)
@@ -79,16 +80,21 @@ def read_dataset(path: Path) -> Dataset:
 
 
 def _map_submaps(
-    config: SimConfig, runs: Sequence[RobotRun], cuts: Sequence[SubmapCut], report: Progress
+    config: SimConfig, runs: Sequence[RobotRun], cuts: Sequence[SubmapCut], workers: int, report: Progress
 ) -> list[SubmapResult]:
-    """Each submap in a frame of its own."""
+    """Each submap in a frame of its own; threads, since the kernels let others run meanwhile."""
+
+    def make(index: int) -> SubmapResult:
+        cut = cuts[index]
+        frame = draw_submap_frame(config.submaps, make_stream(config.seed, Purpose.SUBMAP_FRAME, index))
+        return map_submap(runs[cut.robot], cut.start, cut.stop, config.mapping, name=cut.name, T_map_first=frame)
+
     submaps = []
     report("submaps", 0, len(cuts))
-    for index, cut in enumerate(cuts):
-        frame = draw_submap_frame(config.submaps, make_stream(config.seed, Purpose.SUBMAP_FRAME, index))
-        run = runs[cut.robot]
-        submaps.append(map_submap(run, cut.start, cut.stop, config.mapping, name=cut.name, T_map_first=frame))
-        report("submaps", index + 1, len(cuts))
+    with ThreadPoolExecutor(workers) as pool:
+        for submap in pool.map(make, range(len(cuts))):
+            submaps.append(submap)
+            report("submaps", len(submaps), len(cuts))
     return submaps
 
 

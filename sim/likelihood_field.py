@@ -17,7 +17,7 @@ REACH_SIGMAS = 3.0
 """Farther than this from any surface the field is 0."""
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def draw_surfaces(field, coarse, points, linked, sigma):  # type: ignore[no-untyped-def] # a kernel
     """Draw surfaces into the fields, in place; what lies outside is cut.
 
@@ -35,7 +35,7 @@ def draw_surfaces(field, coarse, points, linked, sigma):  # type: ignore[no-unty
             _draw_line(field, coarse, (points[i, 0], points[i, 1], points[i, 0], points[i, 1]), sigma)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _draw_line(field, coarse, line, sigma):  # type: ignore[no-untyped-def] # a kernel
     ax, ay, bx, by = line
     reach = REACH_SIGMAS * sigma
@@ -54,14 +54,14 @@ def _draw_line(field, coarse, line, sigma):  # type: ignore[no-untyped-def] # a 
                     _raise_bounds(coarse, row // BLOCK, column // BLOCK, value)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _raise_bounds(coarse, row, column, value):  # type: ignore[no-untyped-def] # a kernel
     for r in range(max(row - 1, 0), row + 1):
         for c in range(max(column - 1, 0), column + 1):
             coarse[r, c] = max(coarse[r, c], value)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def search_pose(field, coarse, points, window, prior):  # type: ignore[no-untyped-def] # a kernel
     """The best pose on a lattice around the predicted one, by branch and bound over blocks of shifts.
 
@@ -110,7 +110,7 @@ def search_pose(field, coarse, points, window, prior):  # type: ignore[no-untype
     return best_x, best_y, best_turn, best
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _sum_at(field, points, shift_x, shift_y, cells):  # type: ignore[no-untyped-def] # a kernel
     """Sum of the values of the field, its cells ``cells`` wide, at shifted points; 0 outside."""
     total = 0.0
@@ -123,7 +123,7 @@ def _sum_at(field, points, shift_x, shift_y, cells):  # type: ignore[no-untyped-
     return total
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def refine_pose(field, points, pose, prior, num_iterations):  # type: ignore[no-untyped-def] # a kernel
     """Gauss-Newton steps (with a Gaussian prior at the prediction) on the interpolated field.
 
@@ -171,7 +171,7 @@ def refine_pose(field, points, pose, prior, num_iterations):  # type: ignore[no-
     return shift_x, shift_y, turn, fit / max(len(points), 1)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _interpolate(field, x, y):  # type: ignore[no-untyped-def] # a kernel
     """Value and slopes of the field at a point in cells, bilinear between cell centres; 0 outside."""
     u, v = x - 0.5, y - 0.5

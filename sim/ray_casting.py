@@ -116,7 +116,7 @@ def cast_rays(
     return hits
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def first_walls(grid, rays, fractions, walls):  # type: ignore[no-untyped-def] # a kernel
     """`first_wall` of (R, 4) rays, written to (R,) fractions and (R,) indices."""
     nothing = np.zeros(0, dtype=np.bool_)
@@ -125,7 +125,7 @@ def first_walls(grid, rays, fractions, walls):  # type: ignore[no-untyped-def] #
         fractions[i], walls[i] = first_wall(grid, nothing, ray)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def first_wall(grid, passable, ray):  # type: ignore[no-untyped-def] # a kernel
     """Nearest wall on a ray's way.
 
@@ -175,7 +175,7 @@ def first_wall(grid, passable, ray):  # type: ignore[no-untyped-def] # a kernel
             return best, wall
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def first_disc(discs, row, ray):  # type: ignore[no-untyped-def] # a kernel
     """Nearest disc of one row on the way: fraction of the way (2.0: none) and the cosine of incidence."""
     x, y, dx, dy = ray
@@ -208,7 +208,7 @@ def _normals(ends: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     return np.stack([unit[:, 1], -unit[:, 0]], axis=-1)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _sort_segments(walls, corner_m, cell_m, places, members):  # type: ignore[no-untyped-def] # a kernel
     """Put each segment into the cells that it touches: ``places`` counts on; ``members``, if any, are written."""
     half = 0.5 * cell_m
@@ -230,7 +230,7 @@ def _sort_segments(walls, corner_m, cell_m, places, members):  # type: ignore[no
                     places[row, column] += 1
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _cast_all(grid, rays, limit_m, discs, hits):  # type: ignore[no-untyped-def] # a kernel
     for i in range(len(rays)):
         ray = (rays[i, 0], rays[i, 1], rays[i, 2], rays[i, 3])
@@ -244,7 +244,7 @@ def _cast_all(grid, rays, limit_m, discs, hits):  # type: ignore[no-untyped-def]
         hits.segments[i], hits.incidence_cos[i] = wall, min(cosine, 1.0)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _enter_box(along_x, along_y):  # type: ignore[no-untyped-def] # a kernel
     """Fraction of the way at which a ray, in cells, enters the grid; 0 inside, 2.0 if it misses the grid."""
     enter, leave = 0.0, 1.0
@@ -258,7 +258,7 @@ def _enter_box(along_x, along_y):  # type: ignore[no-untyped-def] # a kernel
     return enter if enter <= leave else 2.0
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _meet(segment, ray):  # type: ignore[no-untyped-def] # a kernel
     """Fraction of the way at which a ray meets a segment, or 2.0, by Chipmunk's comparisons."""
     x, y, dx, dy = ray

@@ -105,7 +105,7 @@ def cast_scans(
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _cast(surroundings, scanner, motion, noise, out):  # type: ignore[no-untyped-def] # a kernel
     poses, rates, first = motion
     num_beams = len(scanner.directions)
@@ -126,7 +126,7 @@ def _cast(surroundings, scanner, motion, noise, out):  # type: ignore[no-untyped
             out[s, b] = _disturb(scanner, (true_m, cosines), b, counter | np.uint64(b), noise)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _aim(scanner, scan, noise, rays):  # type: ignore[no-untyped-def] # a kernel
     """The rays of a scan: where each beam starts and how it goes to the largest range."""
     pose, rate, counter = scan
@@ -145,7 +145,7 @@ def _aim(scanner, scan, noise, rays):  # type: ignore[no-untyped-def] # a kernel
         heading_x, heading_y = heading_x * turn_x - heading_y * turn_y, heading_y * turn_x + heading_x * turn_y
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _pass_glass(surroundings, beams, noise, found):  # type: ignore[no-untyped-def] # a kernel
     """Let beams that glass does not throw back go on to what is behind it."""
     rays, counter = beams
@@ -161,14 +161,14 @@ def _pass_glass(surroundings, beams, noise, found):  # type: ignore[no-untyped-d
             fractions[b], walls[b] = first_wall(grid, surroundings.glass, ray)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _measure_incidence(grid, rays, walls, cosines):  # type: ignore[no-untyped-def] # a kernel
     for b in range(len(rays)):
         ray = (rays[b, 0], rays[b, 1], rays[b, 2], rays[b, 3])
         cosines[b] = _incidence_cos(grid.segments, walls[b], ray) if walls[b] >= 0 else 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _meet_discs(discs, row, rays, found):  # type: ignore[no-untyped-def] # a kernel
     """Cut beams short at discs."""
     fractions, cosines = found
@@ -178,14 +178,14 @@ def _meet_discs(discs, row, rays, found):  # type: ignore[no-untyped-def] # a ke
             fractions[b], cosines[b] = t, cosine
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _incidence_cos(segments, wall, ray):  # type: ignore[no-untyped-def] # a kernel
     """Cosine of the angle between a ray and a wall's normal."""
     across = abs(ray[2] * segments[wall, 4] + ray[3] * segments[wall, 5])
     return min(across / math.sqrt(ray[2] * ray[2] + ray[3] * ray[3]), 1.0)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _turn_slightly(x, y, angle):  # type: ignore[no-untyped-def] # a kernel
     """Turn a vector by a small angle (series to the fifth order)."""
     square = angle * angle
@@ -193,7 +193,7 @@ def _turn_slightly(x, y, angle):  # type: ignore[no-untyped-def] # a kernel
     return x * cosine - y * sine, x * sine + y * cosine
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _disturb(scanner, found, b, counter, noise):  # type: ignore[no-untyped-def] # a kernel
     """The range that beam b reads."""
     effects, keys = noise
@@ -223,7 +223,7 @@ def _disturb(scanner, found, b, counter, noise):  # type: ignore[no-untyped-def]
     return range_m if range_m <= scanner.range_max_m else np.inf
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _mix_surfaces(true_m, b, counter, noise):  # type: ignore[no-untyped-def] # a kernel
     """Metres that a beam beside an edge reads beyond, or short of, its own surface."""
     effects, keys = noise

@@ -126,7 +126,7 @@ def _moved(field: npt.NDArray[np.float32], shape: tuple[int, int], place: tuple[
     return grown
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _match_scans(state, surfaces, odometry, config, progress):  # type: ignore[no-untyped-def] # a kernel
     """Match scans until one may not fit into the field; the number of the first scan that was not matched."""
     field, coarse, first_cell, pose, inserted = state
@@ -150,7 +150,7 @@ def _match_scans(state, surfaces, odometry, config, progress):  # type: ignore[n
     return len(out)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _holds(field, frame, pose, ends, motion):  # type: ignore[no-untyped-def] # a kernel
     """Whether the field surely holds the next scan."""
     first_cell, cell_m = frame
@@ -163,7 +163,7 @@ def _holds(field, frame, pose, ends, motion):  # type: ignore[no-untyped-def] # 
     return x - reach >= 0.0 and y - reach >= 0.0 and x + reach < field.shape[1] and y + reach < field.shape[0]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _move(pose, motion):  # type: ignore[no-untyped-def] # a kernel
     """Add a motion of its own frame to a pose x, y, theta, in place."""
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
@@ -172,7 +172,7 @@ def _move(pose, motion):  # type: ignore[no-untyped-def] # a kernel
     pose[2] += motion[2]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _turned_points(ends, theta, cell_m):  # type: ignore[no-untyped-def] # a kernel
     """(B, 2) ends in cells, turned into frame ``map``, relative to the lidar; NaN where there is none."""
     points = np.empty((len(ends), 2))
@@ -183,7 +183,7 @@ def _turned_points(ends, theta, cell_m):  # type: ignore[no-untyped-def] # a ker
     return points
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _match(fields, points, pose, sigmas, settings):  # type: ignore[no-untyped-def] # a kernel
     """Move a predicted pose, in place, to where the scan fits the field best, the odometry considered."""
     field, coarse, first_cell = fields
