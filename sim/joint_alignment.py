@@ -27,15 +27,17 @@ class JointAlignmentConfig:
         ValueError: a value is out of its range.
     """
 
-    num_iterations: int = 12
+    num_iterations: int = 16
     """Gauss-Newton steps."""
+    iterations_per_choice: int = 8
+    """Steps after which the pairs are chosen anew."""
     num_before: int = 2
     """Each scan is compared with so many before it, however far."""
-    num_others: int = 14
+    num_others: int = 20
     """Each scan is compared with so many of the others, evenly spread from the nearest to the farthest ..."""
     others_m: float = 20.0
     """... within this distance: near ones hold it firmly, far ones hold its heading."""
-    first_reach_m: float = 0.5
+    first_reach_m: float = 0.7
     """Largest distance between corresponding points at the first step."""
     last_reach_m: float = 0.25
     """The same at the last step."""
@@ -73,9 +75,10 @@ def align_scans(
     if len(T_map_lidar) < 2:
         return T_map_lidar
     angles = (lidar.angle_min_rad, lidar.angle_increment_rad)
-    pairs = _pairs_of_scans(T_map_lidar, config)
-    T = T_map_lidar
-    for reach_m in np.geomspace(config.first_reach_m, config.last_reach_m, config.num_iterations):
+    T, pairs = T_map_lidar, np.zeros((0, 2), dtype=np.int64)
+    for k, reach_m in enumerate(np.geomspace(config.first_reach_m, config.last_reach_m, config.num_iterations)):
+        if k % config.iterations_per_choice == 0:
+            pairs = _pairs_of_scans(T, config)
         A, g, counts = pair_equations(surfaces, T, pairs, angles, (reach_m, config.sigma_m))
         kept = counts >= config.min_correspondences
         edges = (pairs[kept], config.pair_weight * A[kept], config.pair_weight * g[kept])

@@ -14,7 +14,7 @@ _LINK_EXTRA_M = 0.05
 """... but for this, the noise of two ranges ..."""
 _LINK_MAX_M = 0.5
 """... and so do those that lie farther apart than this, a doorway's width."""
-_NORMAL_BEAMS = 3
+_NORMAL_BEAMS = 5
 """A normal is fitted to so many ends to each side ..."""
 _NORMAL_REACH_M = 0.4
 """... that lie within this distance."""
@@ -42,7 +42,7 @@ def find_surfaces(
     return surfaces, linked
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _find(ranges_m, directions, limits, surfaces, linked):  # type: ignore[no-untyped-def] # a kernel
     step_rad, max_range_m = limits
     num_beams = len(directions)
@@ -59,7 +59,7 @@ def _find(ranges_m, directions, limits, surfaces, linked):  # type: ignore[no-un
             _fit_normal(points, linked[s], b)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _fit_normal(points, linked, b):  # type: ignore[no-untyped-def] # a kernel
     """Unit normal of the line through an end and its neighbours on the same surface, towards the lidar."""
     count, sx, sy, sxx, sxy, syy = 1, 0.0, 0.0, 0.0, 0.0, 0.0
