@@ -68,10 +68,9 @@ def _inside(edges: Array, polygon: Array) -> tuple[Array, Array]:
     slope = (edges[:, 1] - edges[:, 0]) @ inward.T
     parallel = np.abs(slope) < 1e-12
     crossing = -depth / np.where(parallel, 1.0, slope)
-    enter = np.where(slope > 0.0, crossing, np.where(parallel & (depth <= 0.0), np.inf, -np.inf))
-    leave = np.where(slope < 0.0, crossing, np.inf)
-    enter = np.where(parallel & (depth > 0.0), -np.inf, enter)
-    return np.maximum(enter.max(axis=1), 0.0), np.minimum(np.where(parallel, np.inf, leave).min(axis=1), 1.0)
+    enter = np.where(parallel, np.where(depth > 0.0, -np.inf, np.inf), np.where(slope > 0.0, crossing, -np.inf))
+    leave = np.where(~parallel & (slope < 0.0), crossing, np.inf)
+    return np.maximum(enter.max(axis=1), 0.0), np.minimum(leave.min(axis=1), 1.0)
 
 
 def _remains(edge: Array, hidden: list[tuple[float, float]]) -> list[Array]:

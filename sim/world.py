@@ -6,16 +6,20 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from sim.floor_plan import OfficeConfig, draw_office
 from sim.outlines import outline_segments
 from sim.plan import Material, Plan, Room
 from sim.resources import worlds_folder
+from sim.traced_world import trace_map
 from sim.world_check import check_plan
-from sim.world_file import read_world_file
+from sim.world_file import is_map_file, read_world_file
 
-__all__ = ["Material", "Room", "World", "make_world", "read_world"]
+__all__ = ["OFFICE", "Material", "Room", "World", "make_world", "read_world"]
 
 Array = npt.NDArray[np.float64]
 
+OFFICE = "office"
+"""The name of generated buildings."""
 SHORTEST_SEGMENT_M = 1e-6
 """A shorter segment is degenerate."""
 
@@ -63,16 +67,28 @@ class World:
         return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
 
-def read_world(name_or_path: str) -> World:
-    """Read and check a building.
+def read_world(name_or_path: str, office: OfficeConfig | None = None, seed: int = 0) -> World:
+    """Read, trace or draw a building, and check it.
 
     Args:
-        name_or_path: A world file's name in ``worlds/`` (``tim``, ``intel``, ``fr079``) or a path to one.
+        name_or_path: A world file's name in ``worlds/`` (``tim``, ``intel``, ``fr079``), ``office`` for a generated
+            building, or the path of a world file or of a `map_server` map's YAML.
+        office: What a generated building must be like.
+        seed: Of a generated building.
 
     Raises:
         ValueError: there is no such world, the file cannot be used, or robots cannot work in the building.
     """
-    return make_world(_plan_of(name_or_path))
+    if name_or_path == OFFICE:
+        return make_world(draw_office(office or OfficeConfig(), seed))
+    path = Path(name_or_path)
+    if path.suffix:
+        return make_world(trace_map(path) if is_map_file(path) else read_world_file(path))
+    bundled = worlds_folder() / f"{name_or_path}.yaml"
+    if not bundled.is_file():
+        known = [*sorted(p.stem for p in worlds_folder().glob("*.yaml")), OFFICE]
+        raise ValueError(f"world '{name_or_path}' is unknown: give one of {', '.join(known)}, or a YAML file's path")
+    return make_world(read_world_file(bundled))
 
 
 def make_world(plan: Plan) -> World:
@@ -90,14 +106,3 @@ def make_world(plan: Plan) -> World:
     world = World(plan.name, segments, materials, plan.starts, plan.rooms, plan.waypoints)
     check_plan(plan, segments)
     return world
-
-
-def _plan_of(name_or_path: str) -> Plan:
-    path = Path(name_or_path)
-    if path.suffix:
-        return read_world_file(path)
-    bundled = worlds_folder() / f"{name_or_path}.yaml"
-    if not bundled.is_file():
-        known = sorted(p.stem for p in worlds_folder().glob("*.yaml"))
-        raise ValueError(f"world '{name_or_path}' is unknown: give one of {', '.join(known)}, or a path")
-    return read_world_file(bundled)

@@ -72,8 +72,8 @@ def _check_outline(name: str, segments: Array, starts: Array) -> None:
     low = segments.min(axis=(0, 1)) - 4.0 * _OUTLINE_RESOLUTION_M
     size = np.ceil((segments.max(axis=(0, 1)) - low) / _OUTLINE_RESOLUTION_M).astype(int) + 4
     drawn = np.zeros((size[1], size[0]), dtype=np.uint8)
-    fixed = np.rint((segments - low) / _OUTLINE_RESOLUTION_M * 16.0).astype(np.int32)
-    cv2.polylines(drawn, list(fixed), False, 1, 1, cv2.LINE_8, 4)
+    # Whole pixels: lines drawn between parts of pixels may have holes that a flood gets through.
+    cv2.polylines(drawn, list(np.floor((segments - low) / _OUTLINE_RESOLUTION_M).astype(np.int32)), False, 1)
     for k, start in enumerate(starts):
         x, y = ((start[:2] - low) / _OUTLINE_RESOLUTION_M).astype(int)
         if not (0 <= x < size[0] and 0 <= y < size[1]):

@@ -57,6 +57,15 @@ def read_world_file(path: Path) -> Plan:
         raise WorldFileError(f"{path}: {error}") from None
 
 
+def is_map_file(path: Path) -> bool:
+    """Whether a YAML file describes a `map_server` map (it names an image) and no world.
+
+    Raises:
+        WorldFileError: the file is missing, empty or not YAML.
+    """
+    return "image" in _read_document(path)
+
+
 def _read_document(path: Path) -> dict[str, Any]:
     try:
         document = yaml.safe_load(path.read_text(encoding="utf-8"))
@@ -67,7 +76,7 @@ def _read_document(path: Path) -> dict[str, Any]:
     except yaml.YAMLError as error:
         raise WorldFileError(f"{path}: not YAML ({' '.join(str(error).split())})") from None
     if not isinstance(document, dict):
-        raise WorldFileError(f"{path}: not a world file (no fields)")
+        raise WorldFileError(f"{path}: neither a world file nor a map (no fields)")
     return document
 
 
