@@ -17,7 +17,7 @@ _SAME_SIDE_COS = 0.7
 """Normals of one surface, seen by two scans, agree at least so much."""
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def pair_equations(scans, T_map_lidar, pairs, angles, reach):  # type: ignore[no-untyped-def] # a kernel
     """Normal equations of the pairs' residuals n . (T_i p - T_j q), Geman-McClure weighted.
 
@@ -41,7 +41,7 @@ def pair_equations(scans, T_map_lidar, pairs, angles, reach):  # type: ignore[no
     return H, g, counts
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _add_pair(scan_i, scan_j, T_i, T_j, rest):  # type: ignore[no-untyped-def] # a kernel
     angles, reach, H, g = rest
     max_distance_m, sigma_m = reach
@@ -77,7 +77,7 @@ def _add_pair(scan_i, scan_j, T_i, T_j, rest):  # type: ignore[no-untyped-def] #
     return count * stride
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _nearest_beam(scan, x, y, angles, max_distance_m):  # type: ignore[no-untyped-def] # a kernel
     """The beam, of those that look towards a point in frame ``lidar``, whose end is nearest to it; -1: none is near."""
     turn = math.atan2(y, x) - angles[0]
