@@ -8,6 +8,8 @@ from types import MappingProxyType
 from typing import Any
 
 from sim.coverage import CoverageConfig
+from sim.floor_plan import OfficeConfig
+from sim.furnishing import FurnishConfig
 from sim.lidar_noise import NoiseConfig
 from sim.lidar_presets import LIDAR_PRESETS
 from sim.odometry import OdometryConfig
@@ -60,6 +62,10 @@ class SimConfig:
     """Name of the dataset; none: the building and the seed."""
     world: str = "intel"
     """The building: a name under ``worlds/``, ``office``, or the path of a world file or of a `map_server` map."""
+    office: OfficeConfig = field(default_factory=OfficeConfig)
+    """What a generated building (``world=office``) must be like; the seed draws the rest."""
+    furnish: FurnishConfig = field(default_factory=FurnishConfig)
+    """How full rooms are that are furnished by a seed."""
     source: SourceConfig = field(default_factory=SourceConfig)
     """Where scans come from."""
     num_robots: int = 2

@@ -1,7 +1,7 @@
 """`office`: buildings from a seed, each one different: shape, rooms, doors, furniture, clutter."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -44,8 +44,6 @@ class OfficeConfig:
     """Probability of a door between two neighbouring rooms, in [0, 1]: every such door closes a loop."""
     glass: float = 0.06
     """Share of the walls along corridors that are of glass, in [0, 1]."""
-    furnish: FurnishConfig = field(default_factory=FurnishConfig)
-    """How full the rooms are."""
 
     def __post_init__(self) -> None:
         """Refuse impossible values."""
@@ -57,11 +55,12 @@ class OfficeConfig:
                 raise ValueError(f"office.{name} must be in [{low:g}, {high:g}], got {value}")
 
 
-def draw_office(config: OfficeConfig, seed: int) -> Plan:
+def draw_office(config: OfficeConfig, furnish: FurnishConfig, seed: int) -> Plan:
     """Draw a building.
 
     Args:
         config: What it must be like.
+        furnish: How full its rooms are.
         seed: The same seed and config give the same building.
 
     Raises:
@@ -69,7 +68,7 @@ def draw_office(config: OfficeConfig, seed: int) -> Plan:
     """
     fault = ""
     for attempt in range(_ATTEMPTS):
-        plan = _draw(config, seed, make_stream(seed, Purpose.WORLD, attempt))
+        plan = _draw(config, furnish, f"office_{seed}", make_stream(seed, Purpose.WORLD, attempt))
         try:
             check_plan(plan, outline_segments(plan.solids)[0])
         except ValueError as error:
@@ -79,7 +78,7 @@ def draw_office(config: OfficeConfig, seed: int) -> Plan:
     raise ValueError(f"no office building fits the configuration in {_ATTEMPTS} attempts; the last: {fault}")
 
 
-def _draw(config: OfficeConfig, seed: int, rng: np.random.Generator) -> Plan:
+def _draw(config: OfficeConfig, furnish: FurnishConfig, name: str, rng: np.random.Generator) -> Plan:
     size_m = (config.width_m or rng.uniform(22.0, 46.0), config.depth_m or rng.uniform(18.0, 36.0))
     corridor_m = config.corridor_m or rng.uniform(1.6, 2.8)
     shape = draw_shape(config.style, size_m, corridor_m, rng)
@@ -94,10 +93,10 @@ def _draw(config: OfficeConfig, seed: int, rng: np.random.Generator) -> Plan:
     solids = build_walls(build_border_walls(borders, thickness_m, config.glass, halls, rng), doors)
     areas = [_area(floor, label, rng) for label in sorted(reached)]
     openings = np.array([[door.x_m, door.y_m, door.width_m] for door in doors if door.open_rad != 0.0])
-    solids += furnish_rooms(areas, solids, openings, config.furnish, int(rng.integers(1 << 31)))
+    solids += furnish_rooms(areas, solids, openings, furnish, int(rng.integers(1 << 31)))
     starts = _starts(floor, areas, corridor_m, rng)
     angle = float(rng.choice([0.0, rng.uniform(0.0, math.pi / 2.0)]))
-    return _turned(Plan(f"office_{seed}", tuple(solids), tuple(a.room for a in areas), starts), angle)
+    return _turned(Plan(name, tuple(solids), tuple(a.room for a in areas), starts), angle)
 
 
 def _cut(shape: FloorShape, config: OfficeConfig, rng: np.random.Generator) -> FloorLabels:

@@ -50,7 +50,7 @@ def make_source(config: SimConfig) -> Source:
 
 
 def _simulate(config: SimConfig) -> Source:
-    world = read_world(config.world)
+    world = read_world(config.world, office=config.office, furnish=config.furnish, seed=config.seed)
     sensor = Sensor(config.lidar, config.noise)
     runs = simulate(world, drive_config(config), sensor, config.num_robots, config.seed, noise_seed=config.noise_seed)
     ground_truth = draw_building(world, config.mapping.occupancy.resolution_m)

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sim.floor_plan import OfficeConfig, draw_office
+from sim.furnishing import FurnishConfig
 from sim.outlines import outline_segments
 from sim.plan import Material, Plan, Room
 from sim.resources import worlds_folder
@@ -67,28 +68,32 @@ class World:
         return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
 
-def read_world(name_or_path: str, office: OfficeConfig | None = None, seed: int = 0) -> World:
+def read_world(
+    name_or_path: str, *, office: OfficeConfig | None = None, furnish: FurnishConfig | None = None, seed: int = 0
+) -> World:
     """Read, trace or draw a building, and check it.
 
     Args:
         name_or_path: A world file's name in ``worlds/`` (``tim``, ``intel``, ``fr079``), ``office`` for a generated
             building, or the path of a world file or of a `map_server` map's YAML.
         office: What a generated building must be like.
+        furnish: How full rooms are that are furnished by a seed (world files, generated buildings).
         seed: Of a generated building.
 
     Raises:
         ValueError: there is no such world, the file cannot be used, or robots cannot work in the building.
     """
+    furnish = furnish or FurnishConfig()
     if name_or_path == OFFICE:
-        return make_world(draw_office(office or OfficeConfig(), seed))
+        return make_world(draw_office(office or OfficeConfig(), furnish, seed))
     path = Path(name_or_path)
     if path.suffix:
-        return make_world(trace_map(path) if is_map_file(path) else read_world_file(path))
+        return make_world(trace_map(path) if is_map_file(path) else read_world_file(path, furnish))
     bundled = worlds_folder() / f"{name_or_path}.yaml"
     if not bundled.is_file():
         known = [*sorted(p.stem for p in worlds_folder().glob("*.yaml")), OFFICE]
         raise ValueError(f"world '{name_or_path}' is unknown: give one of {', '.join(known)}, or a YAML file's path")
-    return make_world(read_world_file(bundled))
+    return make_world(read_world_file(bundled, furnish))
 
 
 def make_world(plan: Plan) -> World:

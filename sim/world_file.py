@@ -44,15 +44,15 @@ class WorldFileError(ValueError):
     """A world file cannot be used; the message is one line that names the file and the fault."""
 
 
-def read_world_file(path: Path) -> Plan:
-    """Read a world file; its name is the file's stem.
+def read_world_file(path: Path, furnish: FurnishConfig) -> Plan:
+    """Read a world file, and furnish its rooms as full as is asked for; its name is the file's stem.
 
     Raises:
         WorldFileError: the file is missing, empty, not YAML, or a field is missing, unknown or out of range.
     """
     document = _read_document(path)
     try:
-        return _plan_of(path.stem, document)
+        return _plan_of(path.stem, document, furnish)
     except (ValueError, TypeError, KeyError) as error:
         raise WorldFileError(f"{path}: {error}") from None
 
@@ -80,7 +80,7 @@ def _read_document(path: Path) -> dict[str, Any]:
     return document
 
 
-def _plan_of(name: str, document: dict[str, Any]) -> Plan:
+def _plan_of(name: str, document: dict[str, Any], furnish: FurnishConfig) -> Plan:
     unknown = sorted(set(map(str, document)) - _FIELDS)
     if unknown:
         raise ValueError(f"unknown field '{unknown[0]}'; known are {', '.join(sorted(_FIELDS))}")
@@ -94,7 +94,7 @@ def _plan_of(name: str, document: dict[str, Any]) -> Plan:
     areas = [_room(f"rooms[{k}]", item, k) for k, item in enumerate(_list(document, "rooms"))]
     openings = np.array([[d.x_m, d.y_m, d.width_m] for d in doors]).reshape(-1, 3)
     seed = _seed(document.get("seed", 0))
-    solids += furnish_rooms(areas, solids, openings, FurnishConfig(), seed)
+    solids += furnish_rooms(areas, solids, openings, furnish, seed)
     starts = [_numbers(f"starts[{k}]", item, 3) for k, item in enumerate(_list(document, "starts"))]
     starts_rad = np.array(starts).reshape(-1, 3) * (1.0, 1.0, math.pi / 180.0)
     routes = tuple(_points(f"waypoints[{k}]", item) for k, item in enumerate(_list(document, "waypoints")))
