@@ -84,13 +84,16 @@ def extract_features(grid: GridMap, config: FeatureConfig) -> Features:
 def match_features(target: Features, source: Features, config: FeatureConfig) -> npt.NDArray[np.intp]:
     """Match by nearest descriptors with Lowe's ratio test, from source to target and back; the union of both.
 
+    A keypoint with several orientations is one place: of the matches between the same two places one is kept, so
+    that it does not count as several.
+
     Args:
         target: Keypoints of the map that stays.
         source: Keypoints of the map that moves.
         config: Settings.
 
     Returns:
-        (M, 2) indices ``(target, source)``, sorted, each pair once.
+        (M, 2) indices ``(target, source)``, sorted, each pair of places once.
     """
     if len(target.points_grid) < 2 or len(source.points_grid) < 2:
         return np.zeros((0, 2), dtype=np.intp)
@@ -98,7 +101,9 @@ def match_features(target: Features, source: Features, config: FeatureConfig) ->
     matches = _nearest(np.ascontiguousarray(squared.T), config.ratio)[:, ::-1]
     if config.both_directions:
         matches = np.concatenate([matches, _nearest(squared, config.ratio)])
-    return np.unique(matches, axis=0)
+    matches = np.unique(matches, axis=0)
+    places = np.concatenate([target.points_grid[matches[:, 0]], source.points_grid[matches[:, 1]]], axis=1)
+    return matches[np.sort(np.unique(places, axis=0, return_index=True)[1])]
 
 
 def match_many(target: Features, source: Features, num_candidates: int) -> npt.NDArray[np.intp]:

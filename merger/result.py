@@ -30,7 +30,10 @@ class PairStatus(StrEnum):
 
 @dataclass(frozen=True)
 class PairResult:
-    """One unordered pair of maps; ``target`` comes before ``source`` in the order of names."""
+    """One pair of maps; ``target`` comes before ``source`` in the order of names.
+
+    In the method `sequential` a pair is a step, and its target is the first map, in whose frame the merged map lies.
+    """
 
     target: str
     """Name of the map that stays."""

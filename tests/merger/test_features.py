@@ -82,6 +82,15 @@ def test_matches_are_those_of_the_obvious_loop():
     assert [tuple(row) for row in single.tolist()] == sorted((t, s) for s, t in one_way(b, a))
 
 
+def test_a_place_with_several_orientations_is_matched_once():
+    a = _random_features(5, 20)
+    twice = Features(np.repeat(a.points_grid, 2, axis=0), np.repeat(a.descriptors, 2, axis=0))
+    twice.descriptors[1::2] = _random_features(6, 20).descriptors
+    matches = match_features(twice, Features(twice.points_grid + 3.0, twice.descriptors), FeatureConfig())
+    places = {tuple(twice.points_grid[t]) for t, _ in matches}
+    assert len(matches) == len(places) == 20
+
+
 def test_many_to_many_candidates_hold_the_nearest_of_both_maps():
     a, b = _random_features(2, 25), _random_features(3, 35)
     matches = {tuple(row) for row in match_many(a, b, 2).tolist()}
