@@ -2,8 +2,8 @@
 
 Source: Amanatides and Woo, "A fast voxel traversal algorithm for ray tracing", Eurographics 1987. What counts as a
 hit is Chipmunk's (pymunk's) ``segment_query_first`` with radius 0, to the last comparison: the end points of a wall
-belong to it; a ray along a wall, one that starts on it and one that ends on it do not hit it; nor does a ray hit a
-disc that it starts in.
+belong to it; a ray that starts on a wall or in a disc meets it at range 0; a ray along a wall, or one that ends on it,
+does not meet it.
 """
 
 import math
@@ -186,6 +186,8 @@ def first_disc(discs, row, ray):  # type: ignore[no-untyped-def] # a kernel
         radius = discs.radii_m[k]
         off, along = dx * to_y - dy * to_x, dx * to_x + dy * to_y
         under_root = length_squared * radius * radius - off * off
+        if to_x * to_x + to_y * to_y <= radius * radius:
+            return 0.0, 1.0
         if along <= 0.0 or under_root < 0.0:
             continue
         t = (along - math.sqrt(under_root)) / length_squared
@@ -266,5 +268,17 @@ def _meet(segment, ray):  # type: ignore[no-untyped-def] # a kernel
     if (dx * ay - dy * ax) * (dx * by - dy * bx) > 0.0:
         return 2.0
     distance = ax * segment[4] + ay * segment[5]
+    if abs(distance) < _MARGIN_M and _lies_on(segment, x, y):
+        return 0.0
     before, after = -distance, dx * segment[4] + dy * segment[5] - distance
     return before / (before - after) if before * after < 0.0 else 2.0
+
+
+@njit(cache=True, nogil=True)
+def _lies_on(segment, x, y):  # type: ignore[no-untyped-def] # a kernel
+    """Whether a point is its own nearest point on a segment, by Chipmunk's arithmetic."""
+    along_x, along_y = segment[0] - segment[2], segment[1] - segment[3]
+    length_squared = along_x * along_x + along_y * along_y
+    share = (along_x * (x - segment[2]) + along_y * (y - segment[3])) / length_squared if length_squared > 0.0 else 0.0
+    share = min(max(share, 0.0), 1.0)
+    return segment[2] + along_x * share == x and segment[3] + along_y * share == y
