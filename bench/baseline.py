@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.gate_rows import CellName, GateRow, Value, check_unique, make_row
-from bench.gate_tolerances import TOLERANCES
+from bench.gate_tolerances import COSTS, TOLERANCES
 from bench.store import write_text
 
 SCHEMA = 1
@@ -16,9 +16,16 @@ _KEPT = ("num_maps", "num_placed", *(t.score for t in TOLERANCES if t.score != "
 _DIGITS = 6
 
 
-def write_baseline(path: Path, rows: Sequence[GateRow]) -> None:
-    """Write a baseline, whole or not at all; the same scores give the same bytes."""
-    lines = [json.dumps(_document(row)) for row in sorted(rows, key=_sort_key)]
+def write_baseline(path: Path, rows: Sequence[GateRow], *, costs: bool = True) -> None:
+    """Write a baseline, whole or not at all; the same scores give the same bytes.
+
+    Args:
+        path: The file to write.
+        rows: Its rows, in any order.
+        costs: Whether to keep time and memory, which depend on the machine.
+    """
+    kept = _KEPT if costs else tuple(name for name in _KEPT if name not in (*COSTS, "runtime_s"))
+    lines = [json.dumps(_document(row, kept)) for row in sorted(rows, key=_sort_key)]
     text = f'{{"schema": {SCHEMA}, "rows": [\n' + ",\n".join(lines) + "\n]}\n"
     write_text(path, text)
 
@@ -40,8 +47,8 @@ def read_baseline(path: Path) -> list[GateRow]:
     return check_unique([_row(entry, path) for entry in document["rows"]], str(path))
 
 
-def _document(row: GateRow) -> dict[str, Any]:
-    scores = {name: _rounded(row.scores[name]) for name in _KEPT if name in row.scores}
+def _document(row: GateRow, kept: Sequence[str]) -> dict[str, Any]:
+    scores = {name: _rounded(row.scores[name]) for name in kept if name in row.scores}
     reason = {"reason": row.reason} if row.reason else {}
     return {"cell": dict(_named_first(row.cell)), "seed": row.seed, "status": row.status, **reason, "scores": scores}
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from bench.baseline import read_baseline, write_baseline
 from bench.gate_comparison import Comparison, Finding, compare_rows
 from bench.gate_rows import cell_label, read_rows
-from bench.gate_tolerances import change_tolerances
+from bench.gate_tolerances import COSTS, change_tolerances
 from bench.junit import write_junit
 
 _SHOWN = 200
@@ -30,13 +30,15 @@ class GateConfig:
     """The baseline's JSON file."""
     tolerances: Mapping[str, float] = field(default_factory=dict)
     """Absolute tolerances that replace those of `bench.gate_tolerances.TOLERANCES`, by score."""
+    costs: bool = True
+    """Whether time and memory are judged, and kept in baselines."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status."""
     options = _parse(arguments)
     try:
-        config = GateConfig(options.folder, options.baseline, _tolerances(options.tolerance))
+        config = GateConfig(options.folder, options.baseline, _tolerances(options.tolerance), not options.no_costs)
         if options.update:
             _say(f"{options.baseline}: {update_baseline(config)} rows", options.quiet)
             return 0
@@ -56,7 +58,7 @@ def check_gate(config: GateConfig) -> Comparison:
     Raises:
         ValueError: either cannot be read, or a tolerance is not known.
     """
-    tolerances = change_tolerances(config.tolerances)
+    tolerances = [t for t in change_tolerances(config.tolerances) if config.costs or t.score not in COSTS]
     return compare_rows(read_baseline(config.baseline), read_rows(config.folder / "scores.csv"), tolerances)
 
 
@@ -67,7 +69,7 @@ def update_baseline(config: GateConfig) -> int:
         ValueError: the scores cannot be read.
     """
     rows = read_rows(config.folder / "scores.csv")
-    write_baseline(config.baseline, rows)
+    write_baseline(config.baseline, rows, costs=config.costs)
     return len(rows)
 
 
@@ -82,6 +84,7 @@ def describe(comparison: Comparison) -> str:
             f"not in the baseline, not judged: {', '.join(comparison.new[:5])}" + " ..." * (len(comparison.new) > 5)
         )
     compared = f"{comparison.num_pairs} rows of {len(comparison.cells)} cells compared"
+    lines += [f"time of {method}: {text}" for method, text in comparison.times]
     verdict = f"{len(findings)} scores got worse" if findings else "no score got worse"
     return "\n".join([*lines, f"gate: {verdict}, {compared}"])
 
@@ -113,6 +116,7 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--tolerance", action="append", default=[], metavar="SCORE=NUMBER", help="how much worse a score may get"
     )
+    parser.add_argument("--no-costs", action="store_true", help="neither judge nor keep time and memory")
     parser.add_argument("--quiet", action="store_true", help="say nothing while all is well")
     return parser.parse_args(arguments)
 

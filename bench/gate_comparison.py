@@ -2,10 +2,11 @@
 
 import math
 import statistics
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from bench.gate_rows import CellName, GateRow, cell_label
+from bench.gate_times import describe_times
 from bench.gate_tolerances import TOLERANCES, Tolerance
 
 _ROUNDING = 1e-9
@@ -61,6 +62,8 @@ class Comparison:
     """The cells of the baseline, in its order."""
     new: tuple[str, ...]
     """Labels of cells that the baseline does not know."""
+    times: tuple[tuple[str, str], ...]
+    """Each method's time in words, judged or not."""
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -94,13 +97,13 @@ def compare_rows(
         cells.setdefault(row.cell, []).append(row)
     compared = [_compare_cell(cell, rows, now, tolerances) for cell, rows in cells.items()]
     new = dict.fromkeys(row.label for row in after if row.cell not in cells)
-    return Comparison(tuple(compared), tuple(new))
+    return Comparison(tuple(compared), tuple(new), tuple(describe_times(before, now)))
 
 
 def _compare_cell(
     cell: CellName,
     rows: Sequence[GateRow],
-    now: dict[tuple[CellName, int], GateRow],
+    now: Mapping[tuple[CellName, int], GateRow],
     tolerances: Sequence[Tolerance],
 ) -> CellComparison:
     pairs = [(row, now.get((cell, row.seed))) for row in rows]

@@ -49,23 +49,30 @@ TOLERANCES = (
     Tolerance("success", HIGHER),
     Tolerance("num_wrong", LOWER),
     Tolerance("num_right", HIGHER),
-    Tolerance("max_error_m", LOWER, absolute=0.03, relative=0.5),
-    Tolerance("max_error_deg", LOWER, absolute=0.2, relative=0.5),
-    Tolerance("median_error_m", LOWER, absolute=0.01, relative=0.25),
-    Tolerance("median_error_deg", LOWER, absolute=0.05, relative=0.25),
-    Tolerance("objective", LOWER, absolute=0.03, relative=0.1),
+    Tolerance("max_error_m", LOWER, absolute=0.01, relative=0.25),
+    Tolerance("max_error_deg", LOWER, absolute=0.1, relative=0.25),
+    Tolerance("median_error_m", LOWER, absolute=0.003, relative=0.25),
+    Tolerance("median_error_deg", LOWER, absolute=0.03, relative=0.25),
+    Tolerance("relation_error_m", LOWER, absolute=0.001, relative=0.2),
+    Tolerance("relation_error_deg", LOWER, absolute=0.02, relative=0.25),
+    Tolerance("objective", LOWER, absolute=0.003, relative=0.03),
     Tolerance("edge_precision", HIGHER, absolute=0.05),
     Tolerance("edge_recall", HIGHER, absolute=0.05),
-    Tolerance("edge_precision_initial", HIGHER, absolute=0.1),
+    Tolerance("edge_precision_initial", HIGHER, absolute=0.05),
     Tolerance("edge_recall_initial", HIGHER, absolute=0.05),
     Tolerance("iou_occupied", HIGHER, absolute=0.05),
-    Tolerance("iou_free", HIGHER, absolute=0.03),
+    Tolerance("iou_free", HIGHER, absolute=0.02),
     Tolerance("brier", LOWER, absolute=0.05),
-    Tolerance("runtime_ratio", LOWER, absolute=20.0, relative=1.0, each_seed=False),
+    Tolerance("runtime_ratio", LOWER, absolute=30.0, relative=1.0, each_seed=False),
     Tolerance("peak_memory_mb", LOWER, absolute=200.0, relative=0.5, each_seed=False),
 )
-"""The gate's table. Counts and success may not get worse at all; placement errors may by what rounding on another
-machine does to them; ``runtime_ratio`` (the reference workload takes about 15 ms) may double, and grow by 0.3 s."""
+"""The gate's table. Counts and success may not get worse at all. The bounds of the errors were set between two things
+that were measured on real logs: another seed of the same merger changes them by 2 to 15 %, a merger without motion
+averaging by 30 to 110 % (``relation_error_m``, the most sensitive). Time, over that of a reference workload of about
+15 ms, is red only if it doubles and grows by half a second: a busy machine must not turn the gate red."""
+
+COSTS = ("runtime_ratio", "peak_memory_mb")
+"""Scores that depend on the machine."""
 
 
 def change_tolerances(

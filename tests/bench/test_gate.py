@@ -42,7 +42,11 @@ def baseline(tmp_path):
 
 def test_an_unchanged_run_is_green(tmp_path, baseline, capsys):
     assert main([write(tmp_path / "after", table()), "--baseline", baseline]) == 0
-    assert capsys.readouterr().out == "gate: no score got worse, 12 rows of 4 cells compared\n"
+    assert capsys.readouterr().out.splitlines() == [
+        "time of paper: 1.00 times the baseline's in seconds, not judged",
+        "time of robust: 1.00 times the baseline's in seconds, not judged",
+        "gate: no score got worse, 12 rows of 4 cells compared",
+    ]
 
 
 def test_what_got_worse_is_a_table_and_the_exit_status_is_1(tmp_path, baseline, capsys):
@@ -77,6 +81,19 @@ def test_a_tolerance_of_ones_own_is_obeyed(tmp_path, baseline):
     folder = write(tmp_path / "after", table(max_error_m=0.4))
     assert main([folder, "--baseline", baseline, "--quiet"]) == 1
     assert main([folder, "--baseline", baseline, "--quiet", "--tolerance", "max_error_m=1"]) == 0
+
+
+def test_a_baseline_without_costs_neither_keeps_nor_judges_time_and_memory(tmp_path):
+    path, folder = str(tmp_path / "b.json"), write(tmp_path / "a", table(runtime_ratio=50.0))
+    assert main([folder, "--baseline", path, "--update", "--no-costs", "--quiet"]) == 0
+    assert {"runtime_s", "runtime_ratio", "peak_memory_mb"}.isdisjoint(
+        json.loads(Path(path).read_text())["rows"][0]["scores"]
+    )
+    slow = write(tmp_path / "slow", table(runtime_ratio=5e3, peak_memory_mb=9e9))
+    assert main([slow, "--baseline", path, "--quiet"]) == 0
+    assert main([folder, "--baseline", path, "--update", "--quiet"]) == 0
+    assert main([slow, "--baseline", path, "--quiet"]) == 1
+    assert main([slow, "--baseline", path, "--quiet", "--no-costs"]) == 0
 
 
 def test_update_takes_the_new_scores(tmp_path, baseline):
