@@ -22,6 +22,10 @@ Array = npt.NDArray[np.float64]
 _ATTEMPTS = 20
 """Buildings drawn until one passes the check."""
 _NUM_STARTS = 6
+_START_WIDTH_M = 0.4
+"""A start is kept free like a door of this width."""
+_ROBOT_RADIUS_M = 0.32
+"""Generated buildings let a robot of this radius into every room."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +74,7 @@ def draw_office(config: OfficeConfig, furnish: FurnishConfig, seed: int) -> Plan
     for attempt in range(_ATTEMPTS):
         plan = _draw(config, furnish, f"office_{seed}", make_stream(seed, Purpose.WORLD, attempt))
         try:
-            check_plan(plan, outline_segments(plan.solids)[0])
+            check_plan(plan, outline_segments(plan.solids)[0], _ROBOT_RADIUS_M)
         except ValueError as error:
             fault = str(error)
         else:
@@ -91,10 +95,12 @@ def _draw(config: OfficeConfig, furnish: FurnishConfig, name: str, rng: np.rando
     halls = set(range(2, 2 + floor.num_halls))
     thickness_m = (rng.uniform(0.1, 0.2), rng.uniform(0.25, 0.4))
     solids = build_walls(build_border_walls(borders, thickness_m, config.glass, halls, rng), doors)
-    areas = [_area(floor, label, rng) for label in sorted(reached)]
-    openings = np.array([[door.x_m, door.y_m, door.width_m] for door in doors if door.open_rad != 0.0])
-    solids += furnish_rooms(areas, solids, openings, furnish, int(rng.integers(1 << 31)))
+    free = _free_cells(floor.labels.shape, solids)
+    areas = [_area(floor, label, free, rng) for label in sorted(reached)]
     starts = _starts(floor, areas, corridor_m, rng)
+    openings = [[door.x_m, door.y_m, door.width_m] for door in doors if door.open_rad != 0.0]
+    openings += [[x, y, _START_WIDTH_M] for x, y, _ in starts]
+    solids += furnish_rooms(areas, solids, np.array(openings), furnish, int(rng.integers(1 << 31)))
     angle = float(rng.choice([0.0, rng.uniform(0.0, math.pi / 2.0)]))
     return _turned(Plan(name, tuple(solids), tuple(a.room for a in areas), starts), angle)
 
@@ -112,10 +118,18 @@ def _cut(shape: FloorShape, config: OfficeConfig, rng: np.random.Generator) -> F
     return min(floors, key=lambda floor: abs(len(np.unique(floor.labels)) - 1 - ways - (config.num_rooms or 0)))
 
 
-def _area(floor: FloorLabels, label: int, rng: np.random.Generator) -> RoomArea:
+def _free_cells(shape: tuple[int, ...], solids: list[Solid]) -> npt.NDArray[np.bool_]:
+    """(H, W) cells of the lattice that no wall and no door leaf touches."""
+    drawn = np.zeros(shape, dtype=np.uint8)
+    for solid in solids:
+        cv2.fillConvexPoly(drawn, np.floor(solid.polygon / CELL_M).astype(np.int32), 1)
+    return np.asarray(drawn == 0)
+
+
+def _area(floor: FloorLabels, label: int, free: npt.NDArray[np.bool_], rng: np.random.Generator) -> RoomArea:
     """The floor of a label, and what it is for."""
     mask = floor.labels == label
-    depth = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 5)
+    depth = cv2.distanceTransform((mask & free).astype(np.uint8), cv2.DIST_L2, 5)
     row, col = np.unravel_index(int(np.argmax(depth)), depth.shape)
     anchor = Room(f"room {label}", (float(col) + 0.5) * CELL_M, (float(row) + 0.5) * CELL_M)
     kind = _kind(label, floor.num_halls, np.count_nonzero(mask) * CELL_M**2, rng)

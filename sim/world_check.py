@@ -17,12 +17,13 @@ _OUTLINE_RESOLUTION_M = 0.05
 """Holes in the outline are found down to about two of these."""
 
 
-def check_plan(plan: Plan, segments: Array) -> None:
-    """Check a building for the smallest robot.
+def check_plan(plan: Plan, segments: Array, radius_m: float = SMALLEST_ROBOT_RADIUS_M) -> None:
+    """Check a building for a robot.
 
     Args:
         plan: The building.
         segments: (N, 2, 2) its surfaces in metres.
+        radius_m: Radius of the robot, by default of the smallest.
 
     Raises:
         ValueError: there is no start, a start or a room's point is inside a wall, the outline is open, or a room
@@ -36,7 +37,7 @@ def check_plan(plan: Plan, segments: Array) -> None:
                 f"world '{plan.name}': start {k} at {_place(start)} is inside a wall or a piece of furniture"
             )
     _check_outline(plan.name, segments, plan.starts)
-    check_reach(plan.name, measure_free_space(segments), plan.rooms, plan.starts, SMALLEST_ROBOT_RADIUS_M)
+    check_reach(plan.name, measure_free_space(segments), plan.rooms, plan.starts, radius_m)
 
 
 def check_reach(name: str, space: FreeSpace, rooms: tuple[Room, ...], starts: Array, radius_m: float) -> None:
