@@ -1,5 +1,6 @@
 """``python -m sim key=value ...`` writes a dataset, ``-m`` a collection; ``python -m sim check DIR`` verifies one."""
 
+import json
 import sys
 from collections.abc import Sequence
 from contextlib import closing
@@ -14,6 +15,7 @@ from sim.config import SimConfig, dataset_name
 from sim.dataset import make_dataset
 from sim.dataset_check import check_dataset
 from sim.hydra_schema import build, compose_config
+from sim.manifest import make_manifest
 from sim.resources import conf_folder
 from sim.sim_schema import GROUPS, ROOT, RunConfig, register_schema, usage
 from sim.sweep import expand_sweep
@@ -37,6 +39,8 @@ def _run(arguments: list[str]) -> int:
         return 0
     if arguments[:1] == ["check"]:
         return _check(arguments[1:])
+    if arguments[:1] == ["manifest"]:
+        return _print_manifest(arguments[1:])
     if {"-m", "--multirun"} & set(arguments):
         return _make_many([word for word in arguments if word not in ("-m", "--multirun")])
     return _make(compose_config(conf_folder(), ROOT, arguments))
@@ -52,6 +56,14 @@ def _check(folders: Sequence[str]) -> int:
     if not faults:
         print("sound: " + ", ".join(folders))
     return 1 if faults else 0
+
+
+def _print_manifest(folders: Sequence[str]) -> int:
+    """Print the manifest of a dataset, as it stands beside the presets."""
+    if len(folders) != 1:
+        raise ValueError("manifest needs the folder of one dataset")
+    print(json.dumps(make_manifest(Path(folders[0])), indent=1))
+    return 0
 
 
 def _make(node: DictConfig) -> int:

@@ -9,6 +9,7 @@ too near and invalid are 0.
 import heapq
 import math
 from collections.abc import Iterator, Sequence
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,8 @@ from sim.robot_run import LidarSpec, RobotRun
 
 _CHUNK_SCANS = 256
 """Scans of a robot that are in memory at a time."""
+_NUM_TEXTS = 100_000
+"""Ranges below so many millimetres are written by looking up their text."""
 _BEYOND_M = 0.01
 """No return is written as this much more than the farthest range."""
 
@@ -75,19 +78,26 @@ def _scan_lines(robot: int, run: RobotRun) -> Iterator[tuple[float, int, str]]:
                 stamp,
                 robot,
                 f"ODOM {odom_words} 0 0 0 {end}TRUEPOS {_words(robot_pose)} {odom_words} {end}"
-                f"FLASER {len(reading)} {_words(reading)} {_words(lidar_pose)} {odom_words} {end}",
+                f"FLASER {run.lidar.num_beams} {reading} {_words(lidar_pose)} {odom_words} {end}",
             )
 
 
-def _readings(ranges_m: npt.NDArray[np.float32], lidar: LidarSpec) -> list[list[float]]:
-    """(S, B) ranges as numbers whose shortest text reads back to the same float32."""
+def _readings(ranges_m: npt.NDArray[np.float32], lidar: LidarSpec) -> list[str]:
+    """(S, B) ranges as one text a scan; each number reads back to the same float32."""
     values = np.where(np.isposinf(ranges_m), np.float32(_no_return_m(lidar)), ranges_m)
     values = np.where(np.isfinite(values), values, np.float32(0.0)).astype(np.float32)
-    exact = values.astype(np.float64)
-    millimetres = np.round(exact, 3)
-    if np.array_equal(millimetres.astype(np.float32), values):
-        return list(millimetres.tolist())
-    return [[float(f"{value:.9g}") for value in row] for row in exact.tolist()]
+    millimetres = np.rint(values.astype(np.float64) * 1000.0)
+    exact = np.array_equal((millimetres / 1000.0).astype(np.float32), values)
+    if exact and millimetres.min() >= 0.0 and millimetres.max() < _NUM_TEXTS:
+        texts = _millimetre_texts()
+        return [" ".join([texts[k] for k in row]) for row in millimetres.astype(np.int64).tolist()]
+    return [" ".join([f"{value:.9g}" for value in row]) for row in values.tolist()]
+
+
+@cache
+def _millimetre_texts() -> list[str]:
+    """Metres as text, by millimetres: looking up is faster than formatting."""
+    return [repr(k / 1000.0) for k in range(_NUM_TEXTS)]
 
 
 def _words(values: Sequence[float]) -> str:

@@ -54,6 +54,7 @@ def usage(conf: Path) -> str:
         "python -m sim key=value ...          write a dataset to out=DIR",
         "python -m sim -m key=a,b,... ...     write a collection to out=DIR: sweeps a,b,c or range(0,100)",
         "python -m sim check DIR ...          verify datasets",
+        "python -m sim manifest DIR           print what must come out when the dataset is made again",
         "",
         "Groups (key=choice):",
         *(f"  {group}={'|'.join(group_choices(conf, group))}" for group in GROUPS),
