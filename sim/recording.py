@@ -7,6 +7,7 @@ tools that compare it with the truth need no alignment) and then drifts; the tru
 """
 
 import heapq
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,31 +18,14 @@ from mcap.writer import CompressionType, Writer
 from merger import se2
 from merger.grid_map import GridMap
 from sim import recording_messages as messages
+from sim.recording_channels import Channels
 from sim.recording_messages import EPOCH_NS
 from sim.robot_run import RobotRun
 
 _CHUNK_SCANS = 256
 """Scans of a robot that are in memory at a time."""
-_QOS = """\
-- history: 1
-  depth: {depth}
-  reliability: 1
-  durability: {durability}
-  deadline:
-    sec: 9223372036
-    nsec: 854775807
-  lifespan:
-    sec: 9223372036
-    nsec: 854775807
-  liveliness: 1
-  liveliness_lease_duration:
-    sec: 9223372036
-    nsec: 854775807
-  avoid_ros_namespace_conventions: false
-"""
-"""Keep last, reliable, automatic liveliness; the values are those of rmw's enumerations."""
-_LATCHED = _QOS.format(depth=1, durability=1)
-_VOLATILE = _QOS.format(depth=10, durability=2)
+_PATH_POSES = 2000
+"""Poses of a path at most."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +70,7 @@ def write_recording(path: Path, recording: Recording, library: str) -> int:
         The number of scans.
     """
     with path.open("wb") as file:
-        channels = _Channels(Writer(file, compression=CompressionType.ZSTD))
+        channels = Channels(Writer(file, compression=CompressionType.ZSTD))
         channels.writer.start(profile="ros2", library=library)
         channels.writer.add_metadata("mapmerge_bench", dict(recording.metadata))
         for name, data in recording.attachments.items():
@@ -98,37 +82,12 @@ def write_recording(path: Path, recording: Recording, library: str) -> int:
     return num_scans
 
 
-class _Channels:
-    """The file's channels, each registered when it is first used."""
-
-    def __init__(self, writer: Writer) -> None:
-        self.writer = writer
-        self._schemas: dict[str, int] = {}
-        self._channels: dict[str, int] = {}
-        self._sequences: dict[str, int] = {}
-
-    def write(self, topic: str, message_type: str, stamp_ns: int, data: bytes, *, latched: bool = False) -> None:
-        """Write one message."""
-        if topic not in self._channels:
-            self._register(topic, message_type, _LATCHED if latched else _VOLATILE)
-        sequence = self._sequences[topic] = self._sequences[topic] + 1
-        self.writer.add_message(self._channels[topic], stamp_ns, data, stamp_ns, sequence)
-
-    def _register(self, topic: str, message_type: str, qos: str) -> None:
-        if message_type not in self._schemas:
-            text = messages.schema_text(message_type)
-            self._schemas[message_type] = self.writer.register_schema(message_type, "ros2msg", text)
-        metadata = {"offered_qos_profiles": qos, "topic_type_hash": messages.type_hash(message_type)}
-        self._channels[topic] = self.writer.register_channel(topic, "cdr", self._schemas[message_type], metadata)
-        self._sequences[topic] = 0
-
-
 def submap_topic(name: str) -> str:
     """Topic of a submap's grid; its last word is the map's name."""
     return f"/submaps/{name}"
 
 
-def _write_static(channels: _Channels, recording: Recording) -> None:
+def _write_static(channels: Channels, recording: Recording) -> None:
     """Everything that holds from the beginning: fixed transforms, true places, the building's map."""
     poses = messages.planar_poses(np.stack([submap.T_world_map for submap in recording.submaps]))
     transforms = [("world", f"submap_{k}", pose) for k, pose in enumerate(poses)]
@@ -142,9 +101,25 @@ def _write_static(channels: _Channels, recording: Recording) -> None:
     channels.write("/map_ground_truth", messages.GRID, EPOCH_NS, data, latched=True)
     data = messages.pose_array_message("world", EPOCH_NS, poses)
     channels.write("/submaps/ground_truth/poses", messages.POSES, EPOCH_NS, data, latched=True)
+    for run in recording.runs:
+        _write_paths(channels, run)
 
 
-def _write_runs(channels: _Channels, recording: Recording) -> int:
+def _write_paths(channels: Channels, run: RobotRun) -> None:
+    """The whole true way and the whole way by odometry, thinned out, for those who look at them."""
+    trajectory = run.trajectory
+    every = slice(None, None, math.ceil(run.num_scans / _PATH_POSES))
+    stamps = messages.stamps_ns(trajectory.stamps_s[every])
+    told = trajectory.T_world_odom @ trajectory.T_odom_robot[every]
+    for name, frame, T in (
+        ("ground_truth/path", "world", trajectory.T_world_robot[every]),
+        ("odom/path", f"{trajectory.robot}/odom", told),
+    ):
+        data = messages.path_message(frame, EPOCH_NS, stamps, messages.planar_poses(T))
+        channels.write(f"/{trajectory.robot}/{name}", messages.PATH, EPOCH_NS, data, latched=True)
+
+
+def _write_runs(channels: Channels, recording: Recording) -> int:
     """Scans, poses and finished submaps, in the order of time; returns the number of scans."""
     due: dict[tuple[int, int], list[int]] = {}
     for k, submap in enumerate(recording.submaps):

@@ -22,6 +22,7 @@ POSE = "geometry_msgs/msg/PoseStamped"
 POSES = "geometry_msgs/msg/PoseArray"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 GRID = "nav_msgs/msg/OccupancyGrid"
+PATH = "nav_msgs/msg/Path"
 
 Array = npt.NDArray[np.float64]
 _MARK = 123456.7
@@ -80,6 +81,15 @@ def transform_messages(frames: tuple[str, str], stamps_ns: npt.NDArray[np.int64]
 def pose_array_message(frame: str, stamp_ns: int, poses: Array) -> bytes:
     """PoseArray of (N, 4) x, y, qz, qw."""
     return _encode(POSES, header=_header(stamp_ns, frame), poses=[_pose(pose) for pose in poses])
+
+
+def path_message(frame: str, stamp_ns: int, pose_stamps_ns: npt.NDArray[np.int64], poses: Array) -> bytes:
+    """Path of (N, 4) x, y, qz, qw at (N,) stamps."""
+    stamped = [
+        _make(POSE, header=_header(int(stamp), frame), pose=_pose(pose))
+        for stamp, pose in zip(pose_stamps_ns, poses, strict=True)
+    ]
+    return _encode(PATH, header=_header(stamp_ns, frame), poses=stamped)
 
 
 def transform_message(stamp_ns: int, transforms: list[tuple[str, str, Array]]) -> bytes:

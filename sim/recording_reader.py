@@ -62,7 +62,7 @@ def _read(reader: McapReader) -> RecordedTruth:
         if words[-1] == "scan":
             scans[words[0]] += 1
             continue
-        if channel.topic == "/tf" or words[-1] == "odom":
+        if channel.topic == "/tf" or words[-1] in ("odom", "path"):
             continue
         decoded: Any = typestore().deserialize_cdr(message.data, schema.name if schema else "")
         if channel.topic == "/tf_static":

@@ -25,6 +25,7 @@ from sim.recording_messages import EPOCH_NS, planar_poses
 NODE_SCRIPT = Path(__file__).with_name("read_mcap.cjs")
 NODE_MODULES = Path(os.environ.get("NODE_PATH", Path(__file__).resolve().parents[2] / "node_modules"))
 LATCHED = {"/tf_static", "/map_ground_truth", "/submaps/ground_truth/poses", "/submaps/map_00", "/submaps/map_01"}
+LATCHED |= {f"/robot_{k}/{kind}/path" for k in range(2) for kind in ("ground_truth", "odom")}
 
 
 def grid(name: str, seed: int) -> GridMap:
@@ -116,6 +117,21 @@ def test_speeds_are_those_of_the_odometry(path, recording):
     told = [(m.twist.twist.linear.x, m.twist.twist.angular.z) for _, m in odometry]
     assert told[0] == (0.0, 0.0)
     assert np.allclose(told[1:], steps[:, [0, 2]], atol=1e-9)
+
+
+def test_paths_are_the_whole_ways_by_truth_and_by_odometry(path, recording):
+    found = messages_by_mcap_ros2(path)
+    for run in recording.runs:
+        name, trajectory = run.trajectory.robot, run.trajectory
+        for kind, T in (
+            ("ground_truth", trajectory.T_world_robot),
+            ("odom", trajectory.T_world_odom @ trajectory.T_odom_robot),
+        ):
+            ((_, message),) = found[f"/{name}/{kind}/path"]
+            assert np.allclose([xyqq(pose.pose) for pose in message.poses], planar_poses(T), atol=1e-12)
+            assert [pose.header.stamp.nanosec for pose in message.poses] == [
+                scan.header.stamp.nanosec for _, scan in found[f"/{name}/scan"]
+            ]
 
 
 def test_maps_and_their_true_places_are_those_of_the_submaps(path, recording):
