@@ -85,10 +85,11 @@ def _plan(overrides: Sequence[str]) -> tuple[BenchSettings, str, list[Cell]]:
     node: Any = OmegaConf.to_container(compose_config(conf_folder(), "bench", own), resolve=True)
     settings = read_settings(node)
     chosen = [o.partition("=")[2] for o in own if o.startswith("experiment=")]
-    return settings, (chosen or ["one"])[-1], plan_cells(settings, foreign, _compose_sim)
+    return settings, (chosen or ["one"])[-1], plan_cells(settings, foreign, compose_sim)
 
 
-def _compose_sim(overrides: Sequence[str]) -> SimConfig:
+def compose_sim(overrides: Sequence[str]) -> SimConfig:
+    """The config of a dataset, by the overrides of ``python -m sim``."""
     return build(SimConfig, compose_config(conf_folder(), "sim", overrides))
 
 

@@ -3,21 +3,21 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
-from bench import curves, figures, order_metrics, pair_metrics, paper_tables
-from bench.drawing import Picture
+from bench import curves, fidelity, order_metrics, paper_tables
 from bench.exhibit import Exhibit, first_of_each, load_exhibit
+from bench.picture_chapters import error_chapter, gallery_chapter, picture_chapters
 from bench.report import Section
+from bench.scores import PairScore
 from bench.settings import BenchSettings
 from bench.stages import ScoredCell
 from bench.tables import Results, summarize
+from sim.config import SourceKind
+from sim.dataset import read_dataset
 
 MAX_EXHIBITS = 12
 """Results that are drawn, so that a sweep of thousands still gives a report that one can open."""
-MAX_FAILURES = 6
-"""Failures in the gallery."""
 _SHORT = {
     "runs": "runs",
     "success": "success",
@@ -37,23 +37,20 @@ _SHORT = {
     "runtime_s": "T(s)",
     "peak_memory_mb": "MiB",
 }
-_RECALL_WORDS = {
-    "overlap": "true overlap",
-    "recall_low": "low",
-    "recall_high": "high",
-    "recall_initial": "before confirmation",
-    "false": "false, confirmed",
-}
 _BEST_HIGH = ("success", "placed", "precision", "recall")
 _BEST_LOW = ("wrong", "worst m", "median m", "median deg")
 
 
-def main_table(settings: BenchSettings, results: Results) -> tuple[pd.DataFrame, list[str]]:
+def main_table(
+    settings: BenchSettings, results: Results, cells: Sequence[ScoredCell]
+) -> tuple[pd.DataFrame, list[str]]:
     """The table that the experiment is about, and the sentences below it."""
     if settings.table == "table1":
         return paper_tables.make_table1(results)
     if settings.table == "table2":
         return paper_tables.make_table2(results)
+    if settings.table == "fidelity":
+        return _fidelity_table(cells)
     if settings.table == "ablation":
         return _summary(results, ["method"]), []
     return _summary(results, ["dataset", *results.swept, "method"]), []
@@ -63,31 +60,28 @@ def make_chapters(
     settings: BenchSettings, results: Results, cells: Sequence[ScoredCell], folder: Path
 ) -> list[Section]:
     """All chapters, in order; pictures are written into a folder as they are drawn."""
-    table, sentences = main_table(settings, results)
+    table, sentences = main_table(settings, results, cells)
     points = tuple(paper_tables.first_words(sentences))
     chapters = [Section("Results", _overview(results), table=table, best=_best(table), points=points)]
-    if settings.table in ("table1", "table2", "ablation"):
+    if settings.table in ("table1", "table2", "ablation", "fidelity"):
         summary = _summary(results, ["dataset", "method"])
         chapters.append(Section("Summary", "Medians over runs; counts are sums.", table=summary, best=_best(summary)))
     chapters += _sweep_chapters(settings, results, folder)
     if settings.orders:
         chapters.append(Section("Order", _ORDER_TEXT, table=_order_table(cells)))
     exhibits = [e for e in map(load_exhibit, first_of_each(cells)[:MAX_EXHIBITS]) if e]
-    rivals, merged, pairs = _picture_chapters(exhibits, folder)
-    chapters += [rivals, merged, _error_chapter(results, folder), pairs]
+    rivals, merged, pairs = picture_chapters(exhibits, folder)
+    chapters += [rivals, merged, error_chapter(results, folder), pairs]
     failures = _failed_runs(results)
     if not failures.empty:
         chapters.append(Section("Runs without an answer", "What ended them.", table=failures))
-    chapters.append(Section("Gallery of failures", _GALLERY_TEXT, tuple(_gallery(cells, folder))))
+    chapters.append(gallery_chapter(cells, folder))
     return [c for c in chapters if c.table is not None or c.pictures]
 
 
 _ORDER_TEXT = (
     "Largest difference between the relations of any two maps under two orders; it needs no truth. The sets of placed "
     "maps ought to be the same."
-)
-_GALLERY_TEXT = (
-    "Runs with maps in wrong places: what the method made of it, the truth, and the confirmed pair that misled it."
 )
 
 
@@ -137,54 +131,9 @@ def _sweep_chapters(settings: BenchSettings, results: Results, folder: Path) -> 
     return chapters
 
 
-def _error_chapter(results: Results, folder: Path) -> Section:
-    pictures = [curves.draw_errors(results, folder), curves.draw_reliability(results, folder)]
-    table = None
-    if not results.pairs.empty:
-        table = curves.recall_by_overlap(results)
-        pictures.insert(1, curves.draw_recall(table, folder))
-    text = "False: pairs that the method confirms although the truth contradicts them."
-    if table is not None:
-        table = table.rename(columns=_RECALL_WORDS)
-    return Section("Errors, pairs and confidences", text, tuple(p for p in pictures if p), table)
-
-
-def _picture_chapters(exhibits: Sequence[Exhibit], folder: Path) -> tuple[Section, Section, Section]:
-    merged = [figures.draw_coarse_fine(e, folder) for e in exhibits]
-    pairs: list[Picture] = []
-    for exhibit in exhibits:
-        if exhibit.prediction.pairs:
-            pairs.append(figures.draw_pairs(exhibit, folder))
-            unreliable = figures.draw_unreliable_pair(exhibit, folder)
-            pairs += [unreliable] if unreliable else []
-    by_dataset: dict[object, list[Exhibit]] = {}
-    for exhibit in exhibits:
-        by_dataset.setdefault((exhibit.label, exhibit.scored.cell.dataset.swept), []).append(exhibit)
-    rivals = [figures.draw_rivals(group, folder) for group in by_dataset.values() if len(group) > 1]
-    walls = "Each map has its own colour; where walls of different colours lie on each other, maps agree."
-    return (
-        Section("Methods side by side", walls, tuple(rivals)),
-        Section("Merged maps", walls, tuple(merged)),
-        Section("Pairs of maps", "A cross marks a motion that the truth contradicts.", tuple(pairs)),
-    )
-
-
 def _failed_runs(results: Results) -> pd.DataFrame:
     bad = results.scores[results.scores["status"] != "ok"]
     return bad[["dataset", *results.swept, "method", "seed", "status", "reason"]]
-
-
-def _gallery(cells: Sequence[ScoredCell], folder: Path) -> list[Picture]:
-    failures = sorted((c for c in cells if c.score["num_wrong"]), key=lambda c: -c.score["num_wrong"])
-    pictures = []
-    for exhibit in filter(None, map(load_exhibit, failures[:MAX_FAILURES])):
-        pictures.append(figures.draw_failure(exhibit, folder))
-        truth = exhibit.dataset.truth.T_world_map
-        false = [p for p in exhibit.prediction.pairs if p.status == "reliable" and not pair_metrics.is_right(p, truth)]
-        if false:
-            misleading = max(false, key=lambda p: (p.in_tree, float(np.nan_to_num(p.num_inliers))))
-            pictures.append(figures.draw_pair(exhibit, misleading, folder, "misled", "the pair that misled it"))
-    return pictures
 
 
 def _order_table(cells: Sequence[ScoredCell]) -> pd.DataFrame:
@@ -207,3 +156,20 @@ def _order_table(cells: Sequence[ScoredCell]) -> pd.DataFrame:
             }
         )
     return pd.DataFrame(rows)
+
+
+def _fidelity_table(cells: Sequence[ScoredCell]) -> tuple[pd.DataFrame, list[str]]:
+    """Statistics of the first run of every dataset."""
+    statistics: dict[str, fidelity.Fidelity] = {}
+    real = []
+    for scored in cells:
+        label = scored.cell.dataset.label
+        if label in statistics or scored.score["status"] != "ok":
+            continue
+        pairs = [PairScore(**pair) for pair in scored.pairs]
+        statistics[label] = fidelity.measure_fidelity(
+            read_dataset(scored.dataset), pairs, scored.score["median_error_m"]
+        )
+        if scored.cell.dataset.config.source.kind is SourceKind.CARMEN:
+            real.append(label)
+    return fidelity.compare_fidelity(statistics, real)

@@ -111,10 +111,10 @@ def save_picture(figure: Figure, folder: Path, label: Label, data: pd.DataFrame)
     """
     with style(), matplotlib.rc_context({"svg.hashsalt": label.name}):
         text, image = io.StringIO(), io.BytesIO()
-        for _ in range(2):  # the layout settles at the second pass
-            figure.draw_without_rendering()
+        figure.draw_without_rendering()
+        figure.set_layout_engine("none")  # laid out once, for both files
         figure.savefig(text, format="svg", metadata={"Date": None})
-        figure.savefig(image, format="png", dpi=150, facecolor="white")
+        figure.savefig(image, format="png", dpi=120, facecolor="white")
     svg = text.getvalue()
     write_text(folder / f"{label.name}.svg", svg.replace(_INK, "#222222"))
     write_bytes(folder / f"{label.name}.png", image.getvalue())

@@ -7,8 +7,7 @@ from pathlib import Path
 import yaml
 
 from bench import code_version
-from bench.chapters import main_table, make_chapters
-from bench.paper_tables import first_words
+from bench.chapters import make_chapters
 from bench.report import Report, write_report
 from bench.settings import BenchSettings
 from bench.stages import ScoredCell
@@ -43,8 +42,9 @@ def write_experiment(experiment: Experiment, out: Path) -> str:
     chapters = make_chapters(settings, results, experiment.cells, out / "figures")
     provenance = code_version.provenance() | {"seeds": f"{settings.seed} to {settings.seed + settings.seeds - 1}"}
     write_report(out / "report.html", Report(settings.title, experiment.command, tuple(chapters), provenance))
-    table, sentences = main_table(settings, results)
-    body = [format_table(table), *([""] if sentences else []), *first_words(sentences), *_complaints(results)]
+    first = chapters[0]
+    table = [] if first.table is None else [format_table(first.table)]
+    body = [*table, *([""] if first.points else []), *first.points, *_complaints(results)]
     return "\n".join([settings.title, "", *body, "", f"{out}/report.html"])
 
 
