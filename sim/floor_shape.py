@@ -127,6 +127,7 @@ def _comb(w: float, h: float, c: float, rng: np.random.Generator) -> FloorShape:
 
 
 def _hall(w: float, h: float, c: float, rng: np.random.Generator) -> FloorShape:
+    w, h = min(w, rng.uniform(16.0, 30.0)), min(h, rng.uniform(14.0, 24.0))
     left, low, right, top = (rng.choice([0.0, rng.uniform(3.5, 6.0)]) for _ in range(4))
     left = left if left + right else 4.5
     hall = (left, low, w - right, h - top)
