@@ -196,7 +196,7 @@ def test_an_out_that_is_a_file_is_refused_before_the_work(folder, tmp_path, caps
 
 
 def _write_recording(path, grids, library="someone"):
-    """OccupancyGrids ``{topic: [GridMap, ...]}`` as ROS 2 would record them."""
+    """OccupancyGrids ``{topic: [GridMap, ...]}``, the latest last, as ROS 2 would record them."""
     store = get_typestore(Stores.ROS2_HUMBLE)
     kind = "nav_msgs/msg/OccupancyGrid"
     make = store.types
@@ -208,7 +208,8 @@ def _write_recording(path, grids, library="someone"):
         schema = writer.register_schema(name=kind, encoding="ros2msg", data=text)
         for topic, versions in grids.items():
             channel = writer.register_channel(topic=topic, message_encoding="cdr", schema_id=schema)
-            for number, grid in enumerate(versions):
+            # The latest by its stamp comes first in the file.
+            for number, grid in reversed(list(enumerate(versions))):
                 x, y, yaw = se2.parameters_of(grid.T_map_grid)
                 pose = make["geometry_msgs/msg/Pose"](
                     make["geometry_msgs/msg/Point"](x, y, 0.0),
@@ -219,8 +220,7 @@ def _write_recording(path, grids, library="someone"):
                 data = np.where(grid.occupied, 100, np.where(grid.free, 0, -1)).astype(np.int8).ravel()
                 message = make[kind](make["std_msgs/msg/Header"](stamp, "map"), info, data)
                 encoded = bytes(store.serialize_cdr(message, kind))
-                writer.add_message(channel, log_time=10 - number, publish_time=number, data=encoded)
-                writer.add_message(channel, log_time=20 + number, publish_time=number, data=encoded)
+                writer.add_message(channel, log_time=number, publish_time=number, data=encoded)
         writer.finish()
 
 

@@ -6,8 +6,11 @@ import pytest
 from scipy.spatial import cKDTree
 
 from merger import se2
+from merger.features import FeatureConfig
 from merger.grid_map import GridMap
 from merger.pipeline import MergeConfig, Method, merge_maps
+from merger.preparation import prepare_map
+from merger.random_streams import make_rng
 from merger.result import PairStatus
 from merger.result_json import to_json_dict
 from merger.spanning_tree import SpanningTreeConfig
@@ -147,6 +150,40 @@ def test_without_confirmation_no_motion_is_rejected(three_maps):
     config = replace(_PAPER, tree=SpanningTreeConfig(confirm_distance=np.inf))
     statuses = {pair.status for pair in merge_maps(three_maps[0], config).pairs}
     assert PairStatus.REJECTED not in statuses
+
+
+def test_the_coarse_motions_are_chained_along_the_tree_and_the_fine_ones_are_not(cut_map):
+    spans = {"a": (0.0, 16.0), "b": (4.0, 20.0), "c": (7.0, 24.0)}
+    turns = {"a": 0.3, "b": 1.9, "c": -2.6}
+    maps = [cut_map(name, span, se2.make_motion(1.0, 2.0, turns[name])) for name, span in spans.items()]
+    result = merge_maps(maps, _PAPER)
+    tree = [pair for pair in result.pairs if pair.in_tree]
+    assert len(tree) == 2
+    assert len([pair for pair in result.pairs if pair.status == PairStatus.RELIABLE]) == 3
+    for field, chained in (("T_ref_map_initial", True), ("T_ref_map", False)):
+        for pair in tree:
+            T_ref_target, T_ref_source = (getattr(result.placement(n), field) for n in (pair.target, pair.source))
+            same = np.allclose(se2.invert(T_ref_target) @ T_ref_source, pair.T_target_source, atol=1e-9)
+            assert same == chained
+    assert result.objective.residual_m <= result.objective.residual_initial_m
+    assert result.objective.num_reliable == 3
+
+
+def test_the_frame_in_which_motions_are_confirmed_moves_with_the_map(three_maps):
+    grid = three_maps[0][0]
+    T_new_old = se2.make_motion(500.0, -300.0, 2.0)
+    moved = GridMap(grid.name, grid.log_odds, grid.resolution_m, T_new_old @ grid.T_map_grid)
+    before, after = (prepare_map(g, FeatureConfig()).T_map_center for g in (grid, moved))
+    assert np.allclose(after, T_new_old @ before, atol=1e-9)
+    assert np.allclose(before[:2, 2], grid.cell_centers(grid.occupied).mean(axis=0), atol=1.0)
+
+
+@pytest.mark.parametrize("names", [("a", "b"), ("b", "a")])
+def test_a_random_stream_depends_on_the_seed_and_the_names_alone(names):
+    draws = make_rng(3, *names).integers(1 << 30, size=4)
+    assert (draws == make_rng(3, "a", "b").integers(1 << 30, size=4)).all()
+    for other in (make_rng(4, *names), make_rng(3, "a", "c"), make_rng(3, "ab")):
+        assert (draws != other.integers(1 << 30, size=4)).any()
 
 
 def test_progress_is_told_stage_by_stage(three_maps):
