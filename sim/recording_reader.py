@@ -1,5 +1,6 @@
 """What a recording says of the truth, read back for checks."""
 
+from array import array
 from collections import defaultdict
 from dataclasses import dataclass
 from pathlib import Path
@@ -53,11 +54,11 @@ def read_recorded_truth(path: Path) -> RecordedTruth:
 
 def _read(reader: McapReader) -> RecordedTruth:
     maps: dict[str, GridMap] = {}
-    poses: defaultdict[str, list[tuple[float, Any]]] = defaultdict(list)
+    poses: defaultdict[str, array[float]] = defaultdict(lambda: array("d"))
     scans: defaultdict[str, int] = defaultdict(int)
     places: dict[int, Array] = {}
-    array = np.zeros((0, 3, 3))
-    for schema, channel, message in reader.iter_messages(log_time_order=False):
+    listed = np.zeros((0, 3, 3))
+    for schema, channel, message in reader.iter_messages():
         words = channel.topic.strip("/").split("/")
         if words[-1] == "scan":
             scans[words[0]] += 1
@@ -68,16 +69,18 @@ def _read(reader: McapReader) -> RecordedTruth:
         if channel.topic == "/tf_static":
             places.update(_submap_places(decoded))
         elif channel.topic == "/submaps/ground_truth/poses":
-            array = np.stack([_pose_motion(pose.position, pose.orientation) for pose in decoded.poses])
+            listed = np.stack([_pose_motion(pose.position, pose.orientation) for pose in decoded.poses])
         elif words[0] == "submaps":
             maps[words[-1]] = _grid(words[-1], decoded)
         elif words[1:] == ["ground_truth", "pose"]:
-            poses[words[0]].append((message.log_time, decoded.pose))
+            position, quaternion = decoded.pose.position, decoded.pose.orientation
+            stamp_s = (message.log_time - EPOCH_NS) / 1e9
+            poses[words[0]].extend((stamp_s, position.x, position.y, quaternion.z, quaternion.w))
     return RecordedTruth(
         maps,
         np.stack([places[k] for k in range(len(places))]),
-        array,
-        {robot: _trajectory(stamped) for robot, stamped in poses.items()},
+        listed,
+        {robot: _trajectory(values) for robot, values in poses.items()},
         dict(scans),
         next((a.data for a in reader.iter_attachments() if a.name == "truth.json"), b""),
     )
@@ -94,9 +97,10 @@ def _submap_places(message: Any) -> dict[int, Array]:
     }
 
 
-def _trajectory(stamped: list[tuple[float, Any]]) -> tuple[Array, Array]:
-    stamps = (np.array([stamp for stamp, _ in stamped]) - EPOCH_NS) / 1e9
-    return stamps, np.stack([_pose_motion(pose.position, pose.orientation) for _, pose in stamped])
+def _trajectory(values: "array[float]") -> tuple[Array, Array]:
+    """Stamps and poses of rows stamp, x, y, qz, qw."""
+    stamps_s, x, y, qz, qw = np.array(values).reshape(-1, 5).T
+    return stamps_s, se2.make_motion(x, y, 2.0 * np.arctan2(qz, qw))
 
 
 def _pose_motion(position: Any, quaternion: Any) -> Array:
