@@ -112,7 +112,7 @@ def _cut(shape: FloorShape, config: OfficeConfig, rng: np.random.Generator) -> F
         return cut_rooms(shape, rng.uniform(3.0, 5.5), config.repeated, np.random.default_rng(seed))
     floors = [
         cut_rooms(shape, width_m, config.repeated, np.random.default_rng(seed))
-        for width_m in np.geomspace(2.0, 30.0, 14)
+        for width_m in np.geomspace(2.2, 25.0, 9)
     ]
     ways = 1 + len(shape.halls)
     return min(floors, key=lambda floor: abs(len(np.unique(floor.labels)) - 1 - ways - (config.num_rooms or 0)))

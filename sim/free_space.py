@@ -6,13 +6,12 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
-_SAMPLE_SPACING_M = 0.02
-"""Surfaces are sampled so densely that a distance of 0.1 m is wrong by less than a millimetre."""
+_PARTS = 5
+"""Surfaces are drawn in cells so many times finer (odd): a clearance is exact to about 0.15 of a cell."""
 _FARTHEST_M = 2.0
 """Clearances are cut off here: nothing that plans needs to know more."""
 _BORDER_CELLS = 3
@@ -61,12 +60,14 @@ def measure_free_space(segments: Array, resolution_m: float = 0.1) -> FreeSpace:
     low = segments.min(axis=(0, 1)) - _BORDER_CELLS * resolution_m
     high = segments.max(axis=(0, 1)) + _BORDER_CELLS * resolution_m
     cols, rows = (math.ceil(v) for v in (high - low) / resolution_m)
-    xs, ys = (np.arange(n) * resolution_m + c + 0.5 * resolution_m for n, c in ((cols, low[0]), (rows, low[1])))
-    centers = np.stack(np.meshgrid(xs, ys), axis=-1)
-    tree = cKDTree(sample_segments(segments, _SAMPLE_SPACING_M))
-    distance, _ = tree.query(centers.reshape(-1, 2), distance_upper_bound=_FARTHEST_M)
-    clearance = np.minimum(distance, _FARTHEST_M).reshape(rows, cols)
-    return FreeSpace(clearance, resolution_m, (float(low[0]), float(low[1])))
+    part_m = resolution_m / _PARTS
+    free = np.ones((rows * _PARTS, cols * _PARTS), dtype=np.uint8)
+    x, y = np.floor((sample_segments(segments, part_m) - low) / part_m).astype(np.int64).T
+    free[y, x] = 0
+    distance = cv2.distanceTransform(free, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    middle = _PARTS // 2
+    clearance = distance[middle::_PARTS, middle::_PARTS].astype(np.float64) * part_m
+    return FreeSpace(np.minimum(clearance, _FARTHEST_M), resolution_m, (float(low[0]), float(low[1])))
 
 
 def sample_segments(segments: Array, spacing_m: float) -> Array:

@@ -31,11 +31,9 @@ def check_plan(plan: Plan, segments: Array, radius_m: float = SMALLEST_ROBOT_RAD
     """
     if len(plan.starts) == 0:
         raise ValueError(f"world '{plan.name}': no place where a robot can start")
-    for k, start in enumerate(plan.starts):
-        if _inside_solid(plan, start[:2]):
-            raise ValueError(
-                f"world '{plan.name}': start {k} at {_place(start)} is inside a wall or a piece of furniture"
-            )
+    for k in np.nonzero(_inside_solids(plan))[0]:
+        place = _place(plan.starts[k])
+        raise ValueError(f"world '{plan.name}': start {k} at {place} is inside a wall or a piece of furniture")
     _check_outline(plan.name, segments, plan.starts)
     check_reach(plan.name, measure_free_space(segments), plan.rooms, plan.starts, radius_m)
 
@@ -54,17 +52,17 @@ def check_reach(name: str, space: FreeSpace, rooms: tuple[Room, ...], starts: Ar
                 f"of radius {radius_m:g} m"
             )
     reached = space.reachable(starts[0], radius_m)
-    for k, start in enumerate(starts):
-        if not reached[rows[k], cols[k]]:
-            raise ValueError(
-                f"world '{name}': start {k} at {_place(start)} cannot be reached from start 0 {_by(radius_m)}"
-            )
     for room in rooms:
         row, col = space.cells_of(np.array([room.x_m, room.y_m]))
         if not reached[row, col]:
             raise ValueError(
                 f"world '{name}': room '{room.name}' at ({room.x_m:.2f}, {room.y_m:.2f}) cannot be reached "
                 f"{_by(radius_m)}: it is walled in, or every way is too narrow"
+            )
+    for k, start in enumerate(starts):
+        if not reached[rows[k], cols[k]]:
+            raise ValueError(
+                f"world '{name}': start {k} at {_place(start)} cannot be reached from start 0 {_by(radius_m)}"
             )
 
 
@@ -85,13 +83,16 @@ def _check_outline(name: str, segments: Array, starts: Array) -> None:
             raise ValueError(f"world '{name}': the outline is open: from start {k} at {_place(start)} one gets outside")
 
 
-def _inside_solid(plan: Plan, point: Array) -> bool:
+def _inside_solids(plan: Plan) -> npt.NDArray[np.bool_]:
+    """(K,) whether each start lies inside a solid."""
+    inside = np.zeros(len(plan.starts), dtype=np.bool_)
     for solid in plan.solids:
-        along = np.roll(solid.polygon, -1, axis=0) - solid.polygon
-        offset = point - solid.polygon
-        if np.all(along[:, 0] * offset[:, 1] - along[:, 1] * offset[:, 0] >= 0.0):
-            return True
-    return False
+        low, high = solid.polygon.min(axis=0), solid.polygon.max(axis=0)
+        for k in np.nonzero(((plan.starts[:, :2] >= low) & (plan.starts[:, :2] <= high)).all(axis=1))[0]:
+            along = np.roll(solid.polygon, -1, axis=0) - solid.polygon
+            offset = plan.starts[k, :2] - solid.polygon
+            inside[k] |= bool((along[:, 0] * offset[:, 1] - along[:, 1] * offset[:, 0] >= 0.0).all())
+    return inside
 
 
 def _place(start: Array) -> str:
