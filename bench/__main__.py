@@ -12,6 +12,7 @@ from omegaconf import OmegaConf
 from tqdm import tqdm
 
 from bench.cell import Cell
+from bench.cluster import launch_jobs
 from bench.experiment import Experiment, write_experiment
 from bench.plan import plan_cells
 from bench.run import RunOptions, run_cells
@@ -45,7 +46,8 @@ def _run(arguments: list[str]) -> int:
     register("bench_schema", BenchSettings)
     register_schema()
     multirun = any(argument in _MULTIRUN for argument in arguments)
-    jobs = expand_sweep([a for a in arguments if a not in _MULTIRUN], multirun)
+    launcher = [a for a in arguments if _root_key(a) == "hydra" or a.startswith("hydra/")]
+    jobs = expand_sweep([a for a in arguments if a not in (*_MULTIRUN, *launcher)], multirun)
     planned = [_plan(job) for job in jobs]
     settings, name = planned[0][0], planned[0][1]
     cells = list({score_key(cell): cell for _, _, job_cells in planned for cell in job_cells}.values())
@@ -53,6 +55,8 @@ def _run(arguments: list[str]) -> int:
     _check_out(out)
     store = Store(out / "store")
     options = RunOptions(settings.workers, settings.retry_failed)
+    if launcher:
+        launch_jobs(cells, out, options, conf_folder(), launcher)
     with tqdm(total=len(cells), unit="cell", disable=settings.quiet, dynamic_ncols=True) as bar:
         done = run_cells(cells, store, options, lambda cell, _done, _total: _tick(bar, cell))
     text = write_experiment(Experiment(name, settings, tuple(done), _command(arguments)), out)

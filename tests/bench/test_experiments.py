@@ -243,3 +243,12 @@ def test_paper_places_the_tiny_building_right_or_says_why(finished: Path) -> Non
     table = pd.read_csv(io.StringIO((finished / "scores.csv").read_text()))
     assert np.isfinite(table["objective_floor"]).all()
     assert (table["num_placed"] >= 2).all()
+
+
+def test_the_jobs_of_a_launcher_fill_the_store_and_are_gathered(finished: Path, tiny: list[str]) -> None:
+    pytest.importorskip("hydra_plugins.hydra_submitit_launcher", reason="hydra-submitit-launcher is not installed")
+    out = finished.parent / "launched"
+    words = ["methods=[paper]", "seeds=2", f"out={out}", "quiet=true", "hydra/launcher=local_processes"]
+    assert run("-m", *tiny, *words) == 0
+    assert scores_without_times(out) == scores_without_times(finished)
+    assert list((out / "store" / "jobs" / ".submitit").iterdir())
