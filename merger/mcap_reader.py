@@ -2,6 +2,7 @@
 
 import math
 import os
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,9 @@ import numpy as np
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 from mcap.records import Channel, Message, Schema
+from mcap.summary import Summary
 from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
+from zstandard import ZstdError
 
 from merger import grid_map, se2
 from merger.grid_map import GridMap
@@ -51,16 +54,26 @@ def _find_latest(path: Path) -> _Latest:
     latest: _Latest = {}
     try:
         with path.open("rb") as stream:
-            for schema, channel, message in make_reader(stream).iter_messages(log_time_order=False):
+            reader = make_reader(stream, validate_crcs=True)
+            topics = _list_grid_topics(reader.get_summary())
+            for schema, channel, message in reader.iter_messages(topics=topics, log_time_order=False):
                 if schema is not None and schema.name in _GRID_TYPES:
                     known = latest.get(channel.topic)
                     if known is None or message.log_time >= known[2].log_time:
                         latest[channel.topic] = (schema, channel, message)
     except FileNotFoundError:
         raise MapFileError(f"{path}: no such file") from None
-    except (McapError, OSError, ValueError, IndexError, KeyError) as error:
+    except (McapError, ZstdError, OSError, RuntimeError, ValueError, LookupError, OverflowError, struct.error) as error:
         raise MapFileError(f"{path}: not a whole MCAP file ({type(error).__name__})") from None
     return latest
+
+
+def _list_grid_topics(summary: Summary | None) -> list[str] | None:
+    """The topics to read, so that chunks of scans alone are skipped; None, all, for a file without a summary."""
+    if summary is None or not summary.channels:
+        return None
+    grids = {number for number, schema in summary.schemas.items() if schema.name in _GRID_TYPES}
+    return [channel.topic for channel in summary.channels.values() if channel.schema_id in grids]
 
 
 def _name_topics(topics: list[str]) -> dict[str, str]:

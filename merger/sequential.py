@@ -98,9 +98,9 @@ def _refine(target: PreparedMap, source: PreparedMap, mode: MotionMode, config: 
 
 def _join(hypotheses: list[_Hypothesis], source: PreparedMap, config: MergeConfig) -> list[_Hypothesis]:
     """One hypothesis for all that agree after the refinement: the heaviest, with the weights of all."""
-    center = source.features.points_grid.mean(axis=0)
     joined: list[_Hypothesis] = []
     for hypothesis in hypotheses:
+        center = source.features.points_grid.mean(axis=0)
         motions = np.array([other.mode.T_target_source for other in joined]).reshape(-1, 3, 3)
         known = np.flatnonzero(agree(motions, hypothesis.mode.T_target_source, center, config.modes))
         if len(known):

@@ -11,7 +11,7 @@ from rosbags.typesys import Stores, get_typestore
 from merger import se2
 from merger.__main__ import main
 from merger.grid_map import GridMap
-from merger.map_server import read_map, write_map
+from merger.map_server import MapFileError, read_map, write_map
 from merger.mcap_reader import read_recording
 
 _FILES = ["graph.g2o", "merged.pgm", "merged.png", "merged.yaml", "result.json"]
@@ -274,3 +274,17 @@ def test_a_recording_that_breaks_off_is_refused(three_maps, tmp_path, capsys):
     (tmp_path / "r.mcap").write_bytes(data[: len(data) // 2])
     assert main([str(tmp_path / "r.mcap"), "--out", str(tmp_path / "out"), *_PAPER]) == 2
     assert "r.mcap: not a whole MCAP file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("place", [0.3, 0.6, 0.97])
+def test_a_damaged_recording_is_refused_or_read_but_never_breaks_the_reader(three_maps, tmp_path, place):
+    path = tmp_path / "r.mcap"
+    _write_recording(path, {"/a": [three_maps[0][0]], "/b": [three_maps[0][1]]})
+    data = bytearray(path.read_bytes())
+    for offset in range(6):
+        data[int(place * len(data)) + 3 * offset] ^= 0x5A
+    path.write_bytes(data)
+    try:
+        assert len(read_recording(path)) == 2
+    except MapFileError as error:
+        assert str(error).startswith(f"{path}: ")
