@@ -21,13 +21,13 @@ Progress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True)
 class MergeConfig:
-    """Settings of `merger.pipeline.merge_maps`; the defaults are the paper's values.
+    """Settings of `merger.pipeline.merge_maps`; the defaults of the paper's parts are the paper's values.
 
     Raises:
         ValueError: a setting is out of its range.
     """
 
-    method: Method = Method.PAPER
+    method: Method = Method.ROBUST
     """How to merge."""
     seed: int = 0
     """Seed of every random stream, at least 0."""

@@ -12,8 +12,11 @@ import numpy.typing as npt
 
 from merger.verification import Evidence
 
-FEATURES = ("constant", "weak", "near", "conflict", "rival", "free", "tight", "loose")
+FEATURES = ("constant", "conflict", "rival", "ambiguity", "free")
 """Names of the features, in the order of `features_of`."""
+
+_AMBIGUOUS = 0.7
+"""A rival above this share of a motion's score makes it ambiguous."""
 
 
 @dataclass(frozen=True)
@@ -21,10 +24,10 @@ class ProbabilityConfig:
     """The logistic model.
 
     Raises:
-        ValueError: the number of coefficients is wrong.
+        ValueError: the number of coefficients is wrong, or a setting is out of its range.
     """
 
-    coefficients: tuple[float, ...] = (-2.3, 0.9, 0.0, -2.9, -3.1, 1.1, 0.0, -0.4)
+    coefficients: tuple[float, ...] = (-7.88, -2.68, -1.37, -4.13, 0.82)
     """One for each of `FEATURES`."""
     conflict_weight: float = 5.0
     """Metres of agreeing wall that outweigh one metre in free space when motions of a pair are ranked, >= 0."""
@@ -43,27 +46,21 @@ def score_motion(evidence: Evidence, config: ProbabilityConfig) -> float:
 
 
 def features_of(evidence: Evidence, score_m: float, rival_score_m: float) -> npt.NDArray[np.float64]:
-    """The (8,) features of one motion.
+    """The (5,) features of one motion.
 
     Args:
         evidence: What the maps say about it.
         score_m: Its score.
         rival_score_m: The score of the best motion of the pair that is really another one.
+
+    Returns:
+        1; the logarithm of the conflicting share of walls (half a metre is added to both lengths, so that short
+        lengths say little); the rival's share of the score, 0 to 1.5; what of it is above 0.7, where two motions
+        fit about as well; the logarithm of the area that is free in both maps.
     """
-    near, conflict, loose = evidence.near_m, evidence.conflict_m, evidence.loose_m
-    rival = min(max(rival_score_m / max(score_m, 1.0), 0.0), 2.0)
-    return np.array(
-        [
-            1.0,
-            math.log1p(evidence.weak_m),
-            math.log1p(near),
-            math.log((conflict + 0.5) / (near + 0.5)),
-            rival,
-            math.log(0.3 + evidence.free_m2),
-            evidence.tight_m / max(near, 0.5),
-            math.log((loose + 0.5) / (near + 0.5)),
-        ]
-    )
+    rival = min(max(rival_score_m / max(score_m, 1.0), 0.0), 1.5)
+    conflict = math.log((evidence.conflict_m + 0.5) / (evidence.near_m + 0.5))
+    return np.array([1.0, conflict, rival, max(0.0, rival - _AMBIGUOUS), math.log(0.3 + evidence.free_m2)])
 
 
 def log_odds_of(evidence: Evidence, rival_score_m: float, config: ProbabilityConfig) -> float:
