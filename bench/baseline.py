@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from bench.gate_comparison import FINGERPRINT
 from bench.gate_rows import CellName, GateRow, Value, check_unique, make_row
 from bench.gate_tolerances import COSTS, TOLERANCES
 from bench.store import write_text
@@ -12,7 +13,7 @@ from bench.store import write_text
 SCHEMA = 1
 """Version of the layout."""
 
-_KEPT = ("num_maps", "num_placed", *(t.score for t in TOLERANCES if t.score != "num_right"), "runtime_s")
+_KEPT = ("num_maps", "num_placed", *(t.score for t in TOLERANCES if t.score != "num_right"), FINGERPRINT, "runtime_s")
 _DIGITS = 6
 
 

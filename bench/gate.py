@@ -84,6 +84,8 @@ def describe(comparison: Comparison) -> str:
             f"not in the baseline, not judged: {', '.join(comparison.new[:5])}" + " ..." * (len(comparison.new) > 5)
         )
     compared = f"{comparison.num_pairs} rows of {len(comparison.cells)} cells compared"
+    if comparison.other_data:
+        lines.append(f"not the baseline's data (make it anew with --update): {', '.join(comparison.other_data[:5])}")
     lines += [f"time of {method}: {text}" for method, text in comparison.times]
     verdict = f"{len(findings)} scores got worse" if findings else "no score got worse"
     return "\n".join([*lines, f"gate: {verdict}, {compared}"])

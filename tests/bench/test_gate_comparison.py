@@ -100,6 +100,11 @@ def test_a_run_without_a_reference_workload_is_not_judged_by_its_time():
     assert worse([row(runtime_s=1.0)], [bare]) == []
 
 
+def test_other_data_under_the_same_name_are_noticed():
+    assert compare_rows([row(objective_floor=0.3)], [row(objective_floor=0.3001)]).other_data == ()
+    assert compare_rows([row(objective_floor=0.3)], [row(objective_floor=0.31)]).other_data == ("intel x paper",)
+
+
 def test_times_are_told_by_method_whether_they_are_judged_or_not():
     now = [row(runtime_ratio=150.0), row(method="robust", runtime_ratio=50.0)]
     assert dict(compare_rows([row(), row(method="robust")], now).times) == {
