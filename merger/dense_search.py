@@ -16,6 +16,7 @@ import numpy.typing as npt
 import scipy.fft
 
 from merger import se2
+from merger.peak_kernel import find_peaks
 from merger.wall_kernels import FREE
 from merger.wall_structure import WallStructure
 
@@ -35,13 +36,13 @@ class DenseSearchConfig:
         ValueError: a setting is out of its range.
     """
 
-    cell_m: float = 0.3
+    cell_m: float = 0.4
     """Step of the shifts and width of the likelihood, metres, > 0."""
     step_deg: float = 4.0
     """Step of the rotations, degrees, in (0, 90]."""
-    free_weight: float = 4.0
+    free_weight: float = 5.0
     """Cost of a wall in free space relative to the gain of a wall on a wall, >= 0."""
-    num_peaks: int = 32
+    num_peaks: int = 24
     """Hypotheses to return, at least 1."""
     num_peaks_rotation: int = 6
     """Peaks to keep of each rotation, at least 1."""
@@ -141,7 +142,7 @@ def search_motions(targets: Sequence[CoarseMap], source: CoarseMap, config: Dens
         np.conj(reward, out=reward)
         for peaks, (target_walls, target_reward) in zip(found, spectra, strict=True):
             score = scipy.fft.irfft2(walls * target_reward + reward * target_walls, (side, side))
-            peaks += [(value, index, row, col) for value, row, col in _peaks(score, config.num_peaks_rotation)]
+            peaks += [(value, index, row, col) for value, row, col in find_peaks(score, config.num_peaks_rotation)]
     return [_separate(peaks, side, target, source, config) for peaks, target in zip(found, targets, strict=True)]
 
 
@@ -154,18 +155,6 @@ def _rotate(image: Image, angle_rad: float) -> Image:
     middle = (len(image) - 1) / 2.0
     matrix = cv2.getRotationMatrix2D((middle, middle), -np.degrees(angle_rad), 1.0)
     return np.asarray(cv2.warpAffine(image, matrix, image.shape[::-1], flags=cv2.INTER_LINEAR), np.float32)
-
-
-def _peaks(score: npt.NDArray[np.floating], count: int) -> list[tuple[float, int, int]]:
-    """The highest local maxima: value, row, column."""
-    is_peak = score >= cv2.dilate(score, np.ones((3, 3), np.uint8))
-    flat = np.flatnonzero(is_peak)
-    values = score.ravel()[flat]
-    if len(flat) > count:
-        best = np.argpartition(-values, count)[:count]
-        flat, values = flat[best], values[best]
-    rows, cols = np.divmod(flat, score.shape[1])
-    return [(float(v), int(r), int(c)) for v, r, c in zip(values, rows, cols, strict=True)]
 
 
 def _separate(

@@ -26,9 +26,7 @@ class HypothesesConfig:
 
     dense: DenseSearchConfig = field(default_factory=DenseSearchConfig)
     """The dense search."""
-    quick: AlignmentConfig = field(
-        default_factory=lambda: AlignmentConfig((0.8, 0.6, 0.5, 0.4, 0.3, 0.3), num_points=350)
-    )
+    quick: AlignmentConfig = field(default_factory=lambda: AlignmentConfig((0.8, 0.6, 0.5, 0.4, 0.3), num_points=250))
     """The refinement of every peak."""
     fine: AlignmentConfig = field(default_factory=AlignmentConfig)
     """The refinement of those that are kept."""
@@ -38,7 +36,7 @@ class HypothesesConfig:
     """What the comparison means."""
     num_kept: int = 5
     """Motions of a pair that stay in play, at least 1."""
-    num_quick_points: int = 600
+    num_quick_points: int = 500
     """Wall points that are compared before that, at least 10."""
     same_m: float = 0.7
     """Motions that differ by less, and by less than ``same_deg``, are the same, metres, > 0."""
