@@ -43,7 +43,7 @@ class JointAlignmentConfig:
     """The same at the last step."""
     sigma_m: float = 0.03
     """Standard deviation of a residual."""
-    pair_weight: float = 0.05
+    pair_weight: float = 0.1
     """Weight of a correspondence: neighbouring beams err together."""
     min_correspondences: int = 25
     """A pair with fewer is not used."""
@@ -87,7 +87,7 @@ def align_scans(
 
 
 def _pairs_of_scans(T_map_lidar: Array, config: JointAlignmentConfig) -> npt.NDArray[np.int64]:
-    """(M, 2) ordered pairs of scans to compare, both directions."""
+    """(M, 2) pairs of scans to compare, each in one of its two directions by turns."""
     positions = T_map_lidar[:, :2, 2]
     count = len(positions)
     pairs = [np.stack([np.arange(k, count), np.arange(count - k)], axis=-1) for k in range(1, config.num_before + 1)]
@@ -97,8 +97,9 @@ def _pairs_of_scans(T_map_lidar: Array, config: JointAlignmentConfig) -> npt.NDA
         others = order[(distance_m[order] <= config.others_m) & (order != i)]
         spread = np.linspace(0, len(others) - 1, min(config.num_others, len(others))).astype(np.int64)
         pairs.append(np.stack([np.full(len(spread), i), others[spread]], axis=-1))
-    both = np.concatenate(pairs)
-    return np.unique(np.concatenate([both, both[:, ::-1]]), axis=0)
+    low, high = np.unique(np.sort(np.concatenate(pairs), axis=1), axis=0).T
+    swapped = (low + high) % 2 == 1
+    return np.stack([np.where(swapped, high, low), np.where(swapped, low, high)], axis=-1)
 
 
 def _odometry_edges(T: Array, odometry: tuple[Array, Array]) -> tuple[npt.NDArray[np.int64], Array, Array]:

@@ -40,9 +40,9 @@ class PoseEstimationConfig:
     """Whether all keyframes are aligned jointly in the end."""
     alignment: JointAlignmentConfig = field(default_factory=JointAlignmentConfig)
     """How they are."""
-    keyframe_m: float = 0.4
+    keyframe_m: float = 0.6
     """A scan is a keyframe when the robot has moved this far since the last one, > 0 ..."""
-    keyframe_rad: float = 0.4
+    keyframe_rad: float = 0.5
     """... or turned so far, > 0."""
 
     def __post_init__(self) -> None:
