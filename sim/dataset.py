@@ -11,6 +11,7 @@ from merger.map_server import read_map
 from sim.config import SimConfig, num_submaps
 from sim.dataset_files import DatasetContent, write_files
 from sim.dataset_folder import new_folder, read_index, refuse_to_overwrite
+from sim.overlap_search import find_cuts
 from sim.robot_run import RobotRun
 from sim.source import make_source
 from sim.streams import Purpose, make_stream
@@ -58,7 +59,7 @@ def make_dataset(config: SimConfig, out: Path, *, workers: int = 1, progress: Pr
     refuse_to_overwrite(out)
     report("runs", 0, 1)
     source = make_source(config)
-    cuts = cut_submaps([run.num_scans for run in source.runs], num_submaps(config), config.submaps.overlap)
+    cuts = _cut(config, source.runs)
     submaps = _map_submaps(config, source.runs, cuts, workers, report)
     truth = find_truth([run.trajectory for run in source.runs], cuts, submaps)
     with new_folder(out) as folder:
@@ -77,6 +78,14 @@ def read_dataset(path: Path) -> Dataset:
     truth = read_truth(path / "truth.json")
     maps = tuple(read_map(path / "maps" / f"{name}.yaml") for name in truth.names)
     return Dataset(path, index["name"], index["config"], maps, truth)
+
+
+def _cut(config: SimConfig, runs: Sequence[RobotRun]) -> list[SubmapCut]:
+    """By the share of scans, or by the overlap that is measured in the maps."""
+    count, target = num_submaps(config), config.submaps.measured_overlap
+    if target is not None:
+        return find_cuts(runs, count, target, config.mapping.occupancy)
+    return cut_submaps([run.num_scans for run in runs], count, config.submaps.overlap)
 
 
 def _map_submaps(

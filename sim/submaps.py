@@ -19,6 +19,8 @@ class SubmapsConfig:
     says, 8 for a log."""
     overlap: float = 0.3
     """Share of its scans that a submap has in common with the next one of its robot, in [0, 0.9]."""
+    measured_overlap: float | None = None
+    """In place of ``overlap``: the share of walls that neighbouring submaps are to have in common, in (0, 1)."""
     shift_m: float = 10.0
     """A submap's frame is shifted from its first pose by up to this, along x and y, at random; at least 0."""
     turn_deg: float = 180.0
@@ -30,6 +32,8 @@ class SubmapsConfig:
             raise ValueError(f"submaps.count must be >= 1, got {self.count}")
         if not 0.0 <= self.overlap <= 0.9:
             raise ValueError(f"submaps.overlap must be in [0, 0.9], got {self.overlap}")
+        if self.measured_overlap is not None and not 0.0 < self.measured_overlap < 1.0:
+            raise ValueError(f"submaps.measured_overlap must be in (0, 1), got {self.measured_overlap}")
         if not (math.isfinite(self.shift_m) and self.shift_m >= 0.0):
             raise ValueError(f"submaps.shift_m must be >= 0, got {self.shift_m}")
         if not 0.0 <= self.turn_deg <= 180.0:
@@ -59,7 +63,7 @@ def cut_submaps(num_scans: Sequence[int], count: int, overlap: float) -> list[Su
     Args:
         num_scans: Scans of each robot.
         count: Submaps of all robots together.
-        overlap: Share of a part that is also in the next one, in [0, 1).
+        overlap: Share of a part that is also in the next one, below 1; below 0, scans between parts are left out.
 
     Returns:
         The cuts, robot by robot.
