@@ -18,6 +18,7 @@ from sim.hydra_schema import build, compose_config
 from sim.manifest import make_manifest
 from sim.resources import conf_folder
 from sim.sim_schema import GROUPS, ROOT, RunConfig, register_schema, usage
+from sim.source import check_source
 from sim.sweep import expand_sweep
 
 
@@ -82,6 +83,8 @@ def _make_many(overrides: list[str]) -> int:
     points = expand_sweep(conf_folder(), ROOT, overrides, GROUPS)
     items = [CollectionItem(point.label, build(SimConfig, point.config), point.parameters) for point in points]
     run = build(RunConfig, points[0].config)
+    for config in {(item.config.world, item.config.source): item.config for item in items}.values():
+        check_source(config)
     out = Path(run.out or "out/collection")
     with tqdm(total=len(items), desc="datasets", unit="", disable=run.quiet) as bar:
         faults = make_collection(items, out, workers=run.workers, report=lambda _item, _fault: _advance(bar))

@@ -59,7 +59,7 @@ class SimConfig:
     seed: int = 0
     """Seed of everything that is drawn, >= 0."""
     name: str | None = None
-    """Name of the dataset; none: the building and the seed."""
+    """Name of the dataset, fit for a folder; none: the building and the seed."""
     world: str = "intel"
     """The building: a name under ``worlds/``, ``office``, or the path of a world file or of a `map_server` map."""
     office: OfficeConfig = field(default_factory=OfficeConfig)
@@ -99,6 +99,8 @@ class SimConfig:
             raise ValueError(f"seed must be >= 0, got {self.seed}")
         if self.noise_seed is not None and self.noise_seed < 0:
             raise ValueError(f"noise_seed must be >= 0, got {self.noise_seed}")
+        if self.name is not None and (not self.name or "/" in self.name or self.name.startswith(".")):
+            raise ValueError(f"name must be a folder's name (no '/', no '.' first), got '{self.name}'")
         if self.num_robots < 1:
             raise ValueError(f"num_robots must be >= 1, got {self.num_robots}")
         drive_config(self)

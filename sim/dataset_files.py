@@ -67,28 +67,33 @@ def _write_trajectories(folder: Path, content: DatasetContent) -> None:
     (folder / "trajectories").mkdir()
     for robot, run in enumerate(content.source.runs):
         trajectory = run.trajectory
+        everywhere = np.ones(run.num_scans, dtype=np.bool_)
+        told = trajectory.T_world_odom @ trajectory.T_odom_robot
         poses = {
-            "truth": trajectory.T_world_robot,
-            "odometry": trajectory.T_world_odom @ trajectory.T_odom_robot,
+            "truth": (trajectory.T_world_robot, everywhere),
+            "odometry": (told, everywhere),
             "estimate": estimated_poses(content, robot),
         }
-        for kind, T in poses.items():
-            write_tum(folder / "trajectories" / f"{trajectory.robot}_{kind}.tum", trajectory.stamps_s, T)
+        for kind, (T, known) in poses.items():
+            path = folder / "trajectories" / f"{trajectory.robot}_{kind}.tum"
+            write_tum(path, trajectory.stamps_s[known], T[known])
 
 
-def estimated_poses(content: DatasetContent, robot: int) -> npt.NDArray[np.float64]:
-    """(N, 3, 3) poses of a robot as its submaps were mapped, each submap at its true place.
+def estimated_poses(content: DatasetContent, robot: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
+    """Poses of a robot as its submaps were mapped, each submap at its true place.
 
-    A scan of several submaps has the pose that the first of them gave it.
+    Returns:
+        (N, 3, 3) poses: a scan of several submaps has the pose that the first of them gave it; and the (N,) mask of
+        the scans that belong to a submap.
     """
-    T = np.zeros_like(content.source.runs[robot].trajectory.T_world_robot)
+    T = np.tile(np.eye(3), (content.source.runs[robot].num_scans, 1, 1))
     known = np.zeros(len(T), dtype=np.bool_)
     for cut, submap, T_world_map in zip(content.cuts, content.submaps, content.truth.T_world_map, strict=True):
         if cut.robot == robot:
             new = ~known[cut.start : cut.stop]
             T[cut.start : cut.stop][new] = (T_world_map @ submap.T_map_robot)[new]
             known[cut.start : cut.stop] = True
-    return T
+    return T, known
 
 
 def _write_scan_log(folder: Path, content: DatasetContent) -> None:

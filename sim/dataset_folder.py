@@ -23,24 +23,34 @@ def refuse_to_overwrite(out: Path) -> None:
     """Refuse a place that holds something else than an older dataset.
 
     Raises:
-        DatasetError: ``out`` is a file, or a folder with files but without an index.
+        DatasetError: ``out`` is a file, or a folder with files but without an index, or cannot be created.
     """
     if out.is_dir():
         if any(out.iterdir()) and not (out / INDEX).is_file():
             raise DatasetError(f"{out}: the folder holds something else than a dataset, and is not overwritten")
     elif out.exists() or out.is_symlink():
         raise DatasetError(f"{out}: is not a folder, and is not overwritten")
+    parent = next(folder for folder in out.absolute().parents if folder.exists())
+    if not (parent.is_dir() and os.access(parent, os.W_OK | os.X_OK)):
+        raise DatasetError(f"{out}: cannot be written (in {parent})")
 
 
 @contextmanager
 def new_folder(out: Path) -> Iterator[Path]:
-    """A folder to fill, that becomes ``out`` (replacing an older dataset) if the block ends well, else disappears."""
+    """A folder to fill, that becomes ``out`` (replacing an older dataset) if the block ends well, else disappears.
+
+    Raises:
+        DatasetError: ``out`` is something else than an older dataset, or cannot be written.
+    """
     refuse_to_overwrite(out)
     out = out.absolute()
-    out.parent.mkdir(parents=True, exist_ok=True)
-    remove_leftovers(out)
     partial = out.with_name(f".{out.name}.{os.getpid()}.partial")
-    partial.mkdir()
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        remove_leftovers(out)
+        partial.mkdir()
+    except OSError as error:
+        raise DatasetError(f"{out}: cannot be written ({error.strerror})") from None
     try:
         yield partial
         _give_name(partial, out)

@@ -18,7 +18,7 @@ from sim.robot_run import RobotRun
 from sim.simulation import Sensor, simulate
 from sim.streams import Purpose, make_stream
 from sim.submap_mapping import map_ground_truth
-from sim.world import World, read_world
+from sim.world import OFFICE, World, read_world
 
 _REPEATED = 1e-6
 """Metres and radians within which odometry repeats the true poses."""
@@ -47,6 +47,21 @@ def make_source(config: SimConfig) -> Source:
         ValueError: the world or log cannot be used, or the configuration asks for the impossible.
     """
     return _read_log(config) if config.source.kind is SourceKind.CARMEN else _simulate(config)
+
+
+def check_source(config: SimConfig) -> None:
+    """Refuse a log that is not there, and a building that is unknown or unsound, before anything runs.
+
+    A generated building is known to be sound only when it is generated.
+
+    Raises:
+        ValueError: the log or the world cannot be used.
+    """
+    if config.source.kind is SourceKind.CARMEN:
+        if not Path(config.source.path or "").is_file():
+            raise ValueError(f"{config.source.path}: no such file")
+    elif config.world != OFFICE:
+        read_world(config.world, office=config.office, furnish=config.furnish, seed=config.seed)
 
 
 def _simulate(config: SimConfig) -> Source:

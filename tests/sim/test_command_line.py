@@ -92,12 +92,16 @@ def test_the_folder_made_is_named_on_stdout(run, tiny_log, tmp_path):
         (["source=carmen", "source.path=a (b), 'c.log"], "a \\(b\\), 'c.log: no such file"),
         (["source=carmen", "source.path=empty.log"], "empty.log: the log holds no scan"),
         (["-m", "seed=1"], "-m needs a sweep"),
+        (["-m", "world=tim,nonsense"], "world 'nonsense' is unknown"),
+        (["-m", "seed=1,2", "source=carmen", "source.path=none.log"], "none.log: no such file"),
+        (["name=a/b"], "name must be a folder's name.* got 'a/b'"),
+        (["out=empty.log/x", "source=carmen", "source.path=tiny.log"], "empty.log/x: cannot be written"),
         (["check"], "check needs"),
     ],
 )
-def test_bad_input_is_one_line_that_names_it_and_writes_nothing(run, tmp_path, arguments, fault):
+def test_bad_input_is_one_line_that_names_it_and_writes_nothing(run, tmp_path, tiny_log, arguments, fault):
     (tmp_path / "empty.log").touch()
-    status, out, err = run(*arguments)
+    status, out, err = run(*(argument.replace("tiny.log", str(tiny_log)) for argument in arguments))
     assert (status, out) == (2, "")
     assert err.count("\n") == 1
     assert re.search(fault, err), err
