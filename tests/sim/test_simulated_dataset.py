@@ -1,0 +1,87 @@
+"""Simulated datasets, from a world to a folder, on a tiny building."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim.config import SimConfig
+from sim.dataset import make_dataset, read_dataset
+from sim.dataset_check import check_dataset
+from sim.dataset_folder import file_sha256
+from sim.lidar_noise import NOISE_PRESETS
+from sim.robot import RobotConfig
+from sim.robot_run import LidarSpec
+from sim.source import check_source, make_source
+from sim.submap_mapping import MappingConfig, PoseSource
+from sim.submaps import SubmapsConfig
+from sim.tum import read_tum
+
+WORLD = """
+walls: [[[0, 0], [6, 0], [6, 5], [0, 5], [0, 0]], [[3, 0], [3, 3]]]
+rooms: [{name: left, at: [1.5, 2]}, {name: right, at: [4.5, 2]}]
+starts: [[1, 1, 0], [5, 1, 90]]
+"""
+
+
+@pytest.fixture(scope="module")
+def config(tmp_path_factory: pytest.TempPathFactory) -> SimConfig:
+    world = tmp_path_factory.mktemp("world") / "two_rooms.yaml"
+    world.write_text(WORLD)
+    return SimConfig(
+        world=str(world),
+        duration_s=6.0,
+        robot=RobotConfig(radius_m=0.2),
+        lidar=LidarSpec(60, -np.pi, 2 * np.pi / 60, 0.1, 8.0, 0.2),
+        noise=NOISE_PRESETS["realistic"],
+        submaps=SubmapsConfig(count=2),
+        mapping=MappingConfig(PoseSource.ODOMETRY),
+    )
+
+
+@pytest.fixture(scope="module")
+def folder(config: SimConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return make_dataset(config, tmp_path_factory.mktemp("made") / "two_rooms")
+
+
+def test_a_simulated_dataset_is_sound_and_named_after_its_world(folder):
+    assert check_dataset(folder) == []
+    dataset = read_dataset(folder)
+    assert dataset.name == "two_rooms-0"
+    assert dataset.truth.robot == ("robot_0", "robot_1")
+
+
+def test_the_same_config_gives_the_same_bytes(folder, config, tmp_path):
+    again = make_dataset(config, tmp_path / "again", workers=2)
+    names = [path.relative_to(folder) for path in folder.rglob("*") if path.is_file()]
+    assert [file_sha256(again / name) for name in names] == [file_sha256(folder / name) for name in names]
+
+
+def test_another_noise_seed_leaves_the_true_ways_and_changes_odometry_and_ranges(folder, config, tmp_path):
+    other = make_dataset(replace(config, noise_seed=99), tmp_path / "other")
+    true, told = "trajectories/robot_0_truth.tum", "trajectories/robot_0_odometry.tum"
+    assert (other / true).read_bytes() == (folder / true).read_bytes()
+    assert (other / told).read_bytes() != (folder / told).read_bytes()
+    assert (other / "scans.log").read_bytes() != (folder / "scans.log").read_bytes()
+
+
+def test_scans_outside_every_submap_have_no_estimate(config, tmp_path):
+    with_gaps = replace(config, submaps=SubmapsConfig(count=2, overlap=0.0))
+    made = make_dataset(with_gaps, tmp_path / "x")
+    stamps, _ = read_tum(made / "trajectories" / "robot_0_estimate.tum")
+    truth = read_dataset(made).truth
+    assert stamps[0] == truth.start_s[0]
+    assert stamps[-1] == pytest.approx(truth.end_s[0])
+
+
+def test_the_world_is_attached_with_every_surface(config):
+    source = make_source(config)
+    assert source.files["world.json"].count(b'"wall"') >= 6
+    assert source.provenance == {"world": "two_rooms"}
+
+
+def test_sources_are_checked_before_anything_runs(config, tmp_path):
+    check_source(config)
+    with pytest.raises(ValueError, match="nonsense"):
+        check_source(replace(config, world="nonsense"))
