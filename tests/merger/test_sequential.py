@@ -12,7 +12,8 @@ from merger.pipeline import MergeConfig, Method, merge_maps
 from merger.result import PairStatus
 from merger.result_json import to_json_dict
 
-_SEQUENTIAL = MergeConfig(method=Method.SEQUENTIAL)
+_QUICK = MotionModesConfig(num_draws=5000, num_guesses=60)
+_SEQUENTIAL = MergeConfig(method=Method.SEQUENTIAL, composite=False, modes=_QUICK)
 
 
 def test_maps_are_merged_one_after_another_into_the_first(three_maps):
@@ -39,7 +40,7 @@ def test_a_map_whose_turn_comes_too_early_is_left_out_with_its_reason(three_maps
 
 def test_maps_that_never_meet_are_all_left_out(cut_map):
     maps = [cut_map("a", (0.0, 5.5), np.eye(3)), cut_map("b", (18.5, 24.0), np.eye(3), seed=5)]
-    result = merge_maps(maps, replace(_SEQUENTIAL, modes=MotionModesConfig(min_support=40)))
+    result = merge_maps(maps, replace(_SEQUENTIAL, modes=replace(_QUICK, min_support=40)))
     assert result.components == (("a",), ("b",))
     assert result.num_placed == 0
     assert all(placement.reason for placement in result.maps)
