@@ -13,7 +13,7 @@ from pathlib import Path
 from bench.baseline import read_baseline, write_baseline
 from bench.gate_comparison import Comparison, Finding, compare_rows
 from bench.gate_rows import cell_label, read_rows
-from bench.gate_tolerances import COSTS, change_tolerances
+from bench.gate_tolerances import ANOTHER_MACHINE, COSTS, change_tolerances
 from bench.junit import write_junit
 
 _SHOWN = 200
@@ -38,7 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status."""
     options = _parse(arguments)
     try:
-        config = GateConfig(options.folder, options.baseline, _tolerances(options.tolerance), not options.no_costs)
+        config = GateConfig(options.folder, options.baseline, _tolerances(options), not options.no_costs)
         if options.update:
             _say(f"{options.baseline}: {update_baseline(config)} rows", options.quiet)
             return 0
@@ -98,9 +98,9 @@ def _table(findings: Sequence[Finding]) -> list[str]:
     return [lines[0], "-" * max(map(len, lines)), *lines[1:]]
 
 
-def _tolerances(texts: Sequence[str]) -> dict[str, float]:
-    changes = {}
-    for text in texts:
+def _tolerances(options: argparse.Namespace) -> dict[str, float]:
+    changes = dict(ANOTHER_MACHINE) if options.another_machine else {}
+    for text in options.tolerance:
         name, _, value = text.partition("=")
         try:
             changes[name] = float(value)
@@ -118,6 +118,7 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--tolerance", action="append", default=[], metavar="SCORE=NUMBER", help="how much worse a score may get"
     )
+    parser.add_argument("--another-machine", action="store_true", help="allow for what another processor changes")
     parser.add_argument("--no-costs", action="store_true", help="neither judge nor keep time and memory")
     parser.add_argument("--quiet", action="store_true", help="say nothing while all is well")
     return parser.parse_args(arguments)

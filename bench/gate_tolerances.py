@@ -71,6 +71,24 @@ that were measured on real logs: another seed of the same merger changes them by
 averaging by 30 to 110 % (``relation_error_m``, the most sensitive). Time, over that of a reference workload of about
 15 ms, is red only if it doubles and grows by half a second: a busy machine must not turn the gate red."""
 
+ANOTHER_MACHINE = {
+    "edge_precision": 0.15,
+    "edge_recall": 0.2,
+    "edge_precision_initial": 0.2,
+    "edge_recall_initial": 0.2,
+    "max_error_m": 0.04,
+    "max_error_deg": 0.3,
+    "median_error_m": 0.02,
+    "median_error_deg": 0.15,
+    "relation_error_m": 0.02,
+    "relation_error_deg": 0.15,
+    "objective": 0.05,
+    "iou_occupied": 0.15,
+    "iou_free": 0.03,
+}
+"""Absolute bounds for a baseline that another machine made: a processor that rounds differently finds a few other
+matches, RANSAC then draws other ones, and the answer changes as much as with another seed."""
+
 COSTS = ("runtime_ratio", "peak_memory_mb")
 """Scores that depend on the machine."""
 

@@ -96,6 +96,14 @@ def test_a_baseline_without_costs_neither_keeps_nor_judges_time_and_memory(tmp_p
     assert main([slow, "--baseline", path, "--quiet", "--no-costs"]) == 0
 
 
+def test_another_machine_is_allowed_what_another_seed_does(tmp_path, baseline):
+    folder = write(tmp_path / "after", table(max_error_m=0.04, edge_recall=0.8))
+    assert main([folder, "--baseline", baseline, "--quiet"]) == 1
+    assert main([folder, "--baseline", baseline, "--quiet", "--another-machine"]) == 0
+    wrong = write(tmp_path / "wrong", table(num_wrong=1, success=False))
+    assert main([wrong, "--baseline", baseline, "--quiet", "--another-machine"]) == 1
+
+
 def test_update_takes_the_new_scores(tmp_path, baseline):
     folder = write(tmp_path / "after", table(num_wrong=1, success=False))
     assert main([folder, "--baseline", baseline, "--quiet"]) == 1
