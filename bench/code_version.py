@@ -72,8 +72,15 @@ def _sources(package_file: str | None, pattern: str) -> list[Path]:
 def _hash_files(paths: list[Path], salt: str) -> str:
     digest = hashlib.sha256(salt.encode())
     for path in paths:
-        digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
+        facts = path.stat()
+        digest.update(path.name.encode() + b"\0" + _hash_file(path, facts.st_mtime_ns, facts.st_size))
     return digest.hexdigest()[:20]
+
+
+@functools.lru_cache(maxsize=4096)
+def _hash_file(path: Path, _mtime_ns: int, _size: int) -> bytes:
+    """Hash of a file's content, computed again when the file was written to."""
+    return hashlib.sha256(path.read_bytes()).digest()
 
 
 def _library_versions() -> str:

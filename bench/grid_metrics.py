@@ -15,9 +15,9 @@ from merger import se2
 from merger.grid_map import GridMap
 
 Array = npt.NDArray[np.float64]
-Votes = npt.NDArray[np.int32]
+Votes = npt.NDArray[np.uint16]
 
-MAX_CELLS = 16_000_000
+MAX_CELLS = 4_000_000
 """Largest raster; wilder placements are scored on coarser cells."""
 
 
@@ -88,7 +88,8 @@ def acceptance_index(occupied: Votes, free: Votes) -> tuple[float, int]:
         occupied: (H, W) how many maps call a cell occupied.
         free: (H, W) how many call it free.
     """
-    o, f = occupied.astype(np.int64), free.astype(np.int64)
+    shared = occupied + free > 1
+    o, f = occupied[shared].astype(np.int64), free[shared].astype(np.int64)
     agree = int((o * (o - 1) // 2 + f * (f - 1) // 2).sum())
     disagree = int((o * f).sum())
     total = agree + disagree
@@ -107,7 +108,7 @@ def iou(mask: npt.NDArray[np.bool_], mask_true: npt.NDArray[np.bool_]) -> float:
 
 def count_votes(maps: Sequence[GridMap], T_world_map: Array, raster: Raster) -> tuple[Votes, Votes]:
     """How many maps call each raster cell occupied, and how many free: two (rows, cols) arrays, row 0 at smallest y."""
-    occupied = np.zeros((raster.rows, raster.cols), dtype=np.int32)
+    occupied = np.zeros((raster.rows, raster.cols), dtype=np.uint16)
     free = np.zeros_like(occupied)
     T_raster_world = se2.make_motion(-raster.x_min_m, -raster.y_min_m, 0.0)
     for grid, T in zip(maps, T_world_map, strict=True):
@@ -132,14 +133,21 @@ def _warp(
 
 def _raster_for(maps: Sequence[GridMap], T_world_map: Array) -> Raster:
     """The raster that holds every map, at the finest resolution that `MAX_CELLS` allows."""
-    corners = []
-    for grid, T in zip(maps, T_world_map, strict=True):
-        width, height = grid.size_m
-        box = np.array([[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]])
-        corners.append(se2.transform_points(T @ grid.T_map_grid, box))
+    corners = [se2.transform_points(T, _known_corners(grid)) for grid, T in zip(maps, T_world_map, strict=True)]
     points = np.concatenate(corners)
     low, high = points.min(axis=0), points.max(axis=0)
     cell = min(grid.resolution_m for grid in maps)
     cell = max(cell, math.sqrt(float(np.prod(high - low)) / MAX_CELLS))
     cols, rows = (int(n) + 1 for n in np.ceil((high - low) / cell))
     return Raster(float(low[0]), float(low[1]), cell, rows, cols)
+
+
+def _known_corners(grid: GridMap) -> Array:
+    """(4, 2) corners of the box around a map's known cells, metres in frame ``map``."""
+    known = grid.log_odds != 0.0
+    rows, cols = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+    if not len(rows):
+        rows, cols = np.array([0, known.shape[0] - 1]), np.array([0, known.shape[1] - 1])
+    low, high = (rows[0], cols[0]), (rows[-1] + 1, cols[-1] + 1)
+    box = [[low[0], low[1]], [low[0], high[1]], [high[0], high[1]], [high[0], low[1]]]
+    return grid.points_map_from_cells(np.array(box, dtype=np.float64))
