@@ -10,9 +10,10 @@ import numpy.typing as npt
 from sim.floor_doors import DoorHabits, build_border_walls, place_doors, trace_borders
 from sim.floor_rooms import CELL_M, CORRIDOR, FloorLabels, cut_rooms, label_rects
 from sim.floor_shape import FloorShape, Style, draw_shape
-from sim.furnishing import FurnishConfig, RoomArea, RoomKind, furnish_rooms
+from sim.furnishing import FurnishConfig, RoomArea, furnish_rooms
 from sim.outlines import outline_segments
 from sim.plan import Plan, Room, Solid
+from sim.room_kinds import RoomKind
 from sim.streams import Purpose, make_stream
 from sim.walls import build_walls
 from sim.world_check import check_plan

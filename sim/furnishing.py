@@ -3,35 +3,22 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from sim import furniture
-from sim.furniture import Piece, PieceMaker
+from sim.furniture import Piece
 from sim.grid_paths import grid_graph, search, trace_path
 from sim.plan import Array, Room, Solid
+from sim.room_kinds import FURNISHINGS, RoomKind
 
 Mask = npt.NDArray[np.bool_]
 
 _CELL_M = 0.05
 _TRIES = 14
 """Places tried for a piece before it is left out."""
-
-
-class RoomKind(StrEnum):
-    """What a room is for; it decides the furniture."""
-
-    EMPTY = "empty"
-    OFFICE = "office"
-    MEETING = "meeting"
-    LAB = "lab"
-    STORAGE = "storage"
-    LOUNGE = "lounge"
-    HALL = "hall"
-    CORRIDOR = "corridor"
 
 
 @dataclass(frozen=True)
@@ -68,67 +55,6 @@ class RoomArea:
     """Rooms of equal shape and seed are furnished alike."""
     clutter: float = 1.0
     """Clutter relative to the building's."""
-
-
-@dataclass(frozen=True)
-class _Recipe:
-    """A sort of furniture: how many pieces on 10 m2, and whether they stand against a wall."""
-
-    maker: PieceMaker
-    per_10_m2: float
-    against_wall: bool = True
-
-
-_TRIM = _Recipe(furniture.pilaster, 0.8)
-_BIN = _Recipe(furniture.plant, 0.5)
-_RECIPES: dict[RoomKind, tuple[_Recipe, ...]] = {
-    RoomKind.EMPTY: (),
-    RoomKind.OFFICE: (
-        _TRIM,
-        _Recipe(furniture.desk, 1.5),
-        _Recipe(furniture.bookshelf, 0.5),
-        _Recipe(furniture.cabinet, 0.7),
-        _Recipe(furniture.boxes, 0.3),
-        _BIN,
-    ),
-    RoomKind.MEETING: (_TRIM, _Recipe(furniture.table, 0.5, False), _Recipe(furniture.cabinet, 0.4), _BIN),
-    RoomKind.LAB: (
-        _TRIM,
-        _Recipe(furniture.bench, 0.9),
-        _Recipe(furniture.table, 0.25, False),
-        _Recipe(furniture.machine, 0.6),
-        _Recipe(furniture.bookshelf, 0.3),
-        _Recipe(furniture.boxes, 0.5),
-    ),
-    RoomKind.STORAGE: (
-        _TRIM,
-        _Recipe(furniture.bookshelf, 1.6),
-        _Recipe(furniture.boxes, 1.6),
-        _Recipe(furniture.cabinet, 0.8),
-    ),
-    RoomKind.LOUNGE: (
-        _TRIM,
-        _Recipe(furniture.sofa, 0.9),
-        _Recipe(furniture.table, 0.25, False),
-        _Recipe(furniture.machine, 0.4),
-        _BIN,
-    ),
-    RoomKind.HALL: (
-        _TRIM,
-        _Recipe(furniture.pillar, 0.12, False),
-        _Recipe(furniture.partition, 0.35, False),
-        _Recipe(furniture.cabinet, 0.3),
-        _Recipe(furniture.sofa, 0.1),
-        _BIN,
-    ),
-    RoomKind.CORRIDOR: (
-        _Recipe(furniture.pilaster, 0.9),
-        _Recipe(furniture.bookshelf, 0.25),
-        _Recipe(furniture.cabinet, 0.3),
-        _Recipe(furniture.machine, 0.1),
-        _BIN,
-    ),
-}
 
 
 class _Floor:
@@ -189,10 +115,13 @@ def _furnish(
     usable &= ~_kept_free(usable, area, doors, origin_m, config)
     filler = _Filler(usable, (inside > 0) & (taken > 0), origin_m, rng)
     area_m2 = float(np.count_nonzero(inside)) * _CELL_M**2
-    for recipe in _RECIPES[area.kind]:
+    furnishing = FURNISHINGS[area.kind]
+    if rng.random() < furnishing.bays:
+        filler.put_bays()
+    for recipe in furnishing.recipes:
         for _ in range(rng.poisson(recipe.per_10_m2 * config.furniture * area_m2 / 10.0)):
             filler.put(recipe.maker(rng), recipe.against_wall)
-    for _ in range(rng.poisson(2.0 * config.clutter * area.clutter * area_m2 / 10.0)):
+    for _ in range(rng.poisson(furnishing.clutter_per_10_m2 * config.clutter * area.clutter * area_m2 / 10.0)):
         filler.put(furniture.oddment(rng), bool(rng.random() < 0.5))
     return filler.solids
 
@@ -249,9 +178,30 @@ class _Filler:
             else:
                 angle = float(self.rng.integers(0, 4)) * math.pi / 2.0 + self.rng.normal(0.0, 0.08)
             x, y = (np.array([col, row]) + 0.5) * _CELL_M + self.origin_m
-            if self._claim(furniture.footprint(piece, x, y, angle, 0.02)):
-                self.solids.extend(furniture.place(piece, x, y, angle))
+            if self._stand(piece, x, y, angle):
                 return
+
+    def put_bays(self) -> None:
+        """A row of equal piers along the longest wall of one side of the room."""
+        if len(self._backs) == 0:
+            return
+        side = self._backs[self.rng.integers(len(self._backs)), 2]
+        wall = self._backs[self._backs[:, 2] == side]
+        across = 0 if side % 2 == 0 else 1
+        line = wall[wall[:, across] == np.bincount(wall[:, across]).argmax()]
+        step = round(self.rng.uniform(0.9, 2.4) / _CELL_M)
+        piece = furniture.pier(self.rng)
+        first = int(self.rng.integers(step))
+        for row, col, _ in line[first::step]:
+            x, y = (np.array([col, row]) + 0.5) * _CELL_M + self.origin_m
+            self._stand(piece, x, y, float(side) * math.pi / 2.0)
+
+    def _stand(self, piece: Piece, x: float, y: float, angle_rad: float) -> bool:
+        """Put a piece at a pose if its floor is free."""
+        free = self._claim(furniture.footprint(piece, x, y, angle_rad, 0.02))
+        if free:
+            self.solids.extend(furniture.place(piece, x, y, angle_rad))
+        return free
 
     def _claim(self, polygon: Array) -> bool:
         """Take the cells below a footprint if all of them are usable."""

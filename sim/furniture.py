@@ -173,10 +173,26 @@ def pilaster(rng: np.random.Generator) -> Piece:
 
 
 def oddment(rng: np.random.Generator) -> Piece:
-    """Something small that lies about: a bag, a fan, a cable drum, a stack of paper."""
-    size = float(rng.uniform(0.06, 0.35))
-    if rng.random() < 0.4:
-        polygon = disc(0.0, size / 2.0, size / 2.0, 5)
+    """Something small that lies about: a bag, a fan, a cable drum, a stack of paper, a leg of something."""
+    size = float(min(0.05 + rng.exponential(0.07), 0.35))
+    if size < 0.1 or rng.random() < 0.3:
+        polygon = disc(0.0, size / 2.0, size / 2.0, 4)
     else:
         polygon = box(0.0, size / 2.0, (size, size * rng.uniform(0.3, 1.0)), rng.uniform(-0.6, 0.6))
     return Piece(size, size, (_solid(polygon, Material.CLUTTER),))
+
+
+def pier(rng: np.random.Generator) -> Piece:
+    """A pier between two windows, or the body of a radiator: rows of them make the bays of an outer wall."""
+    width, depth = rng.uniform(0.15, 0.5), rng.uniform(0.1, 0.35)
+    return Piece(width, depth, (_solid(box(0.0, depth / 2.0, (width, depth)), Material.WALL),))
+
+
+def stool_group(rng: np.random.Generator) -> Piece:
+    """A small table on legs with a few chairs around it."""
+    width, depth = rng.uniform(0.7, 1.2), rng.uniform(0.6, 0.9)
+    solids = [_leg(x, 0.4 + y) for x in (-width / 2.0, width / 2.0) for y in (0.0, depth)]
+    for x, y in ((-width / 2.0 - 0.2, 0.8), (width / 2.0 + 0.2, 0.8), (0.0, 0.2), (0.0, depth + 0.6)):
+        if rng.random() < 0.6:
+            solids += _chair(rng, x, y)
+    return Piece(width + 0.8, depth + 0.9, tuple(solids))

@@ -6,6 +6,7 @@ A file is a mapping with these fields; only ``walls`` and ``starts`` must be the
     walls:                     # centre lines; a wall is solid and has two faces
       - [[0, 0], [8, 0], [8, 6], [0, 6], [0, 0]]                            # short form
       - {points: [[4, 0], [4, 6]], thickness: 0.1, material: glass}         # wall (default) or glass
+      - {arc: [4, 3, 2, 90, 180]}                  # centre x, y, radius, and from where to where, in degrees
     doors:                     # a gap in every wall that passes through the point `at`
       - {at: [4, 2], width: 0.9}                    # taken off its hinges
       - {at: [4, 4], width: 0.9, open: 80}          # a leaf, ajar by 80 degrees, to the left of its wall's direction;
@@ -32,12 +33,16 @@ import numpy as np
 import numpy.typing as npt
 import yaml
 
-from sim.furnishing import FurnishConfig, RoomArea, RoomKind, furnish_rooms
+from sim.furnishing import FurnishConfig, RoomArea, furnish_rooms
 from sim.plan import Material, Plan, Room, Solid, box, disc
+from sim.room_kinds import RoomKind
 from sim.walls import Door, Wall, build_walls
 
 _FIELDS = {"thickness", "walls", "doors", "furniture", "rooms", "starts", "waypoints", "seed"}
 _DEFAULT_THICKNESS_M = 0.15
+_CHORD_M = 0.4
+_START_WIDTH_M = 0.4
+"""A start is kept free like a door of this width."""
 
 
 class WorldFileError(ValueError):
@@ -92,10 +97,11 @@ def _plan_of(name: str, document: dict[str, Any], furnish: FurnishConfig) -> Pla
     furniture = [_furniture(f"furniture[{k}]", item) for k, item in enumerate(_list(document, "furniture"))]
     solids = build_walls(walls, doors) + furniture
     areas = [_room(f"rooms[{k}]", item, k) for k, item in enumerate(_list(document, "rooms"))]
-    openings = np.array([[d.x_m, d.y_m, d.width_m] for d in doors]).reshape(-1, 3)
     seed = _seed(document.get("seed", 0))
-    solids += furnish_rooms(areas, solids, openings, furnish, seed)
     starts = [_numbers(f"starts[{k}]", item, 3) for k, item in enumerate(_list(document, "starts"))]
+    openings = [[d.x_m, d.y_m, d.width_m] for d in doors if d.open_rad != 0.0]
+    openings += [[x, y, _START_WIDTH_M] for x, y, _ in starts]
+    solids += furnish_rooms(areas, solids, np.array(openings).reshape(-1, 3), furnish, seed)
     starts_rad = np.array(starts).reshape(-1, 3) * (1.0, 1.0, math.pi / 180.0)
     routes = tuple(_points(f"waypoints[{k}]", item) for k, item in enumerate(_list(document, "waypoints")))
     return Plan(name, tuple(solids), tuple(a.room for a in areas), starts_rad, routes)
@@ -103,14 +109,23 @@ def _plan_of(name: str, document: dict[str, Any], furnish: FurnishConfig) -> Pla
 
 def _walls(where: str, item: Any, thickness_m: float) -> list[Wall]:
     fields = item if isinstance(item, dict) else {"points": item}
-    _only(where, fields, {"points", "thickness", "material"})
-    points = _points(f"{where}.points", fields.get("points"))
+    _only(where, fields, {"points", "arc", "thickness", "material"})
+    points = _arc(where, fields["arc"]) if "arc" in fields else _points(f"{where}.points", fields.get("points"))
     thickness_m = _positive(f"{where}.thickness", fields.get("thickness", thickness_m))
     material = _material(where, fields.get("material", "wall"), (Material.WALL, Material.GLASS))
     for a, b in pairwise(points):
         if np.hypot(*(b - a)) < 0.01:
             raise ValueError(f"{where}: the piece at ({a[0]:g}, {a[1]:g}) has no length")
     return [Wall(a, b, thickness_m, material) for a, b in pairwise(points)]
+
+
+def _arc(where: str, value: Any) -> npt.NDArray[np.float64]:
+    """(M, 2) points on an arc, chords of about 0.4 m."""
+    x, y, radius, first, last = _numbers(f"{where}.arc", value, 5)
+    turn = math.radians(last - first)
+    count = max(2, math.ceil(abs(turn) * _positive(f"{where}.arc radius", radius) / _CHORD_M) + 1)
+    angles = math.radians(first) + np.linspace(0.0, turn, count)
+    return np.stack([x + radius * np.cos(angles), y + radius * np.sin(angles)], axis=-1)
 
 
 def _door(where: str, item: Any) -> Door:
