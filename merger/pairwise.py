@@ -46,7 +46,8 @@ def merge_pair(
     matches = match_features(target.features, source.features, config.features)
     places = target.features.points_grid[matches[:, 0]], source.features.points_grid[matches[:, 1]]
     guess = guess_motion(*places, config.ransac, rng)
-    pair = PairResult(target.name, source.name, PairStatus.NO_MATCH, None, None, len(matches), guess.num_inliers)
+    pair = PairResult(target.name, source.name, PairStatus.NO_MATCH)
+    pair = replace(pair, num_matches=len(matches), num_inliers=guess.num_inliers)
     if target.edges is None or source.edges is None:
         return replace(pair, reason="a map has no wall to align")
     if guess.num_inliers < config.ransac.min_inliers:

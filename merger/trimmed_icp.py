@@ -98,7 +98,8 @@ def align(
     Returns:
         The refined motion and its evidence.
     """
-    radius_m = float(np.abs(points_source - points_source.mean(axis=0)).max())
+    center = points_source.mean(axis=0, keepdims=True)
+    radius_m = float(np.hypot(*(points_source - center).T).max())
     total, moved_m = 0, np.inf
     some = np.ascontiguousarray(points_source[:: math.ceil(len(points_source) / config.max_quick_points)])
     for search, points, limit, tolerance_m in (
@@ -107,7 +108,7 @@ def align(
     ):
         for _ in range(limit):
             T_new = _iterate(target, points, T_target_source, search, config)
-            moved_m = _displacement(T_new, T_target_source, points_source, radius_m)
+            moved_m = _displacement(T_new, T_target_source, center, radius_m)
             T_target_source, total = T_new, total + 1
             if moved_m < tolerance_m:
                 break
@@ -163,9 +164,8 @@ def _correspond(
     return paired, np.flatnonzero(squared <= limit), squared
 
 
-def _displacement(T_new: _Array, T_old: _Array, points_source: _Array, radius_m: float) -> float:
-    """A bound of how far any point moved between two motions, metres."""
-    center = points_source.mean(axis=0, keepdims=True)
+def _displacement(T_new: _Array, T_old: _Array, center: _Array, radius_m: float) -> float:
+    """A bound, metres, of how far any point within a radius of the (1, 2) centre moved between two motions."""
     shift = se2.transform_points(T_new, center) - se2.transform_points(T_old, center)
     turn = abs(float(se2.wrap_angle(se2.angle_of(T_new) - se2.angle_of(T_old))))
     return float(np.hypot(*shift[0])) + turn * radius_m
