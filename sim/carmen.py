@@ -7,18 +7,14 @@ Scans keep the file's order, even where their times do not.
 """
 
 import dataclasses
-import gzip
 import math
-import re
-import zlib
-from collections.abc import Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from merger import se2
+from sim.carmen_lines import LogError, LoggedScans, parse_log
 from sim.robot_run import LidarSpec, RobotRun, Trajectory
 
 _KNOWN_MAXIMA_M = (81.83, 50.0)
@@ -29,23 +25,6 @@ _SATURATED_M = 4.0
 """A largest reading this far out, of which there are so many and such a share, is the sensor's maximum, not a wall."""
 _ROUNDING_M = 1e-4
 """Two readings this close are the same one, written differently."""
-_OWN_ROBOT = re.compile(r"robot_\d+")
-"""Host names that tell several robots of one log apart."""
-
-
-class LogError(ValueError):
-    """A log cannot be used; the message is one line that names the file and the fault."""
-
-
-@dataclass
-class _Scans:
-    """What has been read of one robot."""
-
-    ranges_m: list[npt.NDArray[np.float32]] = field(default_factory=list)
-    lidar_pose: list[tuple[float, ...]] = field(default_factory=list)
-    odometry: list[tuple[float, ...]] = field(default_factory=list)
-    stamps_s: list[float] = field(default_factory=list)
-    true_pose: dict[float, tuple[float, ...]] = field(default_factory=dict)
 
 
 def read_carmen(path: Path) -> list[RobotRun]:
@@ -59,18 +38,12 @@ def read_carmen(path: Path) -> list[RobotRun]:
     Raises:
         LogError: the file is missing, cannot be read, holds no scan, or a line of it is malformed.
     """
-    parameters: dict[str, str] = {}
-    robots: dict[str, _Scans] = {}
-    for number, words in _read_lines(path):
-        try:
-            _add_line(words, parameters, robots)
-        except (ValueError, IndexError) as error:
-            raise LogError(f"{path}: line {number}: malformed {words[0]} line ({error})") from None
-    robots = {name: scans for name, scans in robots.items() if scans.ranges_m}
-    if not robots:
-        raise LogError(f"{path}: the log holds no scan (no FLASER line)")
-    start_s = min(min(scans.stamps_s) for scans in robots.values())
-    return [_make_run(path, name, robots[name], parameters, start_s) for name in sorted(robots, key=_robot_order)]
+    log = parse_log(path)
+    start_s = min(min(scans.stamps_s) for scans in log.robots.values())
+    return [
+        _make_run(path, name, log.robots[name], log.parameters, start_s)
+        for name in sorted(log.robots, key=_robot_order)
+    ]
 
 
 def beam_angles(num_beams: int) -> tuple[float, float]:
@@ -97,66 +70,11 @@ def no_return_reading(ranges_m: npt.NDArray[np.float32]) -> float:
     return largest if saturated else math.inf
 
 
-def _read_lines(path: Path) -> Iterator[tuple[int, list[str]]]:
-    """Number and words of each line, not counting comments and empty ones."""
-    try:
-        with path.open("rb") as start:
-            compressed = start.read(2) == b"\x1f\x8b"
-        with gzip.open(path, "rb") if compressed else path.open("rb") as file:
-            for number, line in enumerate(file, start=1):
-                words = line.decode("utf-8", errors="replace").split()
-                if words and not words[0].startswith("#"):
-                    yield number, words
-    except FileNotFoundError:
-        raise LogError(f"{path}: no such file") from None
-    except (OSError, EOFError, zlib.error) as error:
-        raise LogError(f"{path}: cannot be read ({' '.join(str(error).split()) or type(error).__name__})") from None
-
-
-def _add_line(words: list[str], parameters: dict[str, str], robots: dict[str, _Scans]) -> None:
-    """Store what one line says."""
-    if words[0] == "PARAM" and len(words) >= 3:
-        parameters[words[1]] = words[2]
-    elif words[0] == "FLASER":
-        count = int(words[1])
-        if count < 1 or len(words) < count + 11:
-            raise ValueError(f"{count} readings need at least {count + 11} fields, got {len(words)}")
-        pose = _finite(words[2 + count : 8 + count])
-        scans = robots.setdefault(_robot_of(words[9 + count]), _Scans())
-        scans.ranges_m.append(_readings(words[2 : 2 + count]))
-        scans.lidar_pose.append(pose[:3])
-        scans.odometry.append(pose[3:])
-        scans.stamps_s.append(_finite(words[8 + count : 9 + count])[0])
-        if len(scans.ranges_m[0]) != count:
-            raise ValueError(f"{count} readings after scans of {len(scans.ranges_m[0])}")
-    elif words[0] == "TRUEPOS" and len(words) >= 9:
-        values = _finite(words[1:8])
-        robots.setdefault(_robot_of(words[8]), _Scans()).true_pose[values[6]] = values[:3]
-
-
-def _robot_of(host: str) -> str:
-    return host if _OWN_ROBOT.fullmatch(host) else "robot_0"
-
-
 def _robot_order(name: str) -> int:
     return int(name.removeprefix("robot_"))
 
 
-def _finite(words: list[str]) -> tuple[float, ...]:
-    values = tuple(float(word) for word in words)
-    if not all(math.isfinite(value) for value in values):
-        raise ValueError("a value is not finite")
-    return values
-
-
-def _readings(words: list[str]) -> npt.NDArray[np.float32]:
-    ranges = np.array(words, dtype=np.float32)
-    if np.isnan(ranges).any():
-        raise ValueError("a reading is not a number")
-    return ranges
-
-
-def _make_run(path: Path, name: str, scans: _Scans, parameters: dict[str, str], start_s: float) -> RobotRun:
+def _make_run(path: Path, name: str, scans: LoggedScans, parameters: dict[str, str], start_s: float) -> RobotRun:
     """The run of one robot, its readings by REP 117."""
     readings = np.stack(scans.ranges_m)
     limit = _parameter(path, parameters, "robot_front_laser_max", no_return_reading(readings))
@@ -175,7 +93,7 @@ def _make_run(path: Path, name: str, scans: _Scans, parameters: dict[str, str], 
 
 
 def _true_poses(
-    scans: _Scans, T_world_lidar: npt.NDArray[np.float64]
+    scans: LoggedScans, T_world_lidar: npt.NDArray[np.float64]
 ) -> tuple[npt.NDArray[np.float64], tuple[float, float, float]]:
     """(N, 3, 3) true poses of the robot, and the lidar's pose on it as x_m, y_m, theta_rad."""
     if not all(stamp in scans.true_pose for stamp in scans.stamps_s):

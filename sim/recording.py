@@ -18,6 +18,7 @@ from mcap.writer import CompressionType, Writer
 from merger import se2
 from merger.grid_map import GridMap
 from sim import recording_messages as messages
+from sim import scan_messages
 from sim.recording_channels import Channels
 from sim.recording_messages import EPOCH_NS
 from sim.robot_run import RobotRun
@@ -159,10 +160,10 @@ def _encode_run(robot: int, run: RobotRun) -> Iterator[tuple[int, int, int, tupl
         truth = messages.planar_poses(trajectory.T_world_robot[start:stop])
         estimate = messages.planar_poses(trajectory.T_world_odom @ trajectory.T_odom_robot[start:stop])
         encoded = zip(
-            messages.transform_messages((odom, base), stamps, estimate),
-            messages.odometry_messages((odom, base), stamps, estimate, _speeds(run, start, stop)),
-            messages.pose_messages("world", stamps, truth),
-            messages.scan_messages(run.lidar, lidar, stamps, ranges),
+            scan_messages.transform_messages((odom, base), stamps, estimate),
+            scan_messages.odometry_messages((odom, base), stamps, estimate, _speeds(run, start, stop)),
+            scan_messages.pose_messages("world", stamps, truth),
+            scan_messages.scan_messages(run.lidar, lidar, stamps, ranges),
             strict=True,
         )
         for scan, (stamp, data) in enumerate(zip(stamps.tolist(), encoded, strict=True), start=start):

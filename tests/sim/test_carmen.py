@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from merger import se2
-from sim.carmen import LogError, beam_angles, no_return_reading, read_carmen
+from sim.carmen import beam_angles, no_return_reading, read_carmen
+from sim.carmen_lines import LogError
 from sim.scan_log import write_scan_log
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
