@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from bench import curves, fidelity, order_metrics, paper_tables
+from bench import curves, fidelity, order_metrics, paper_tables, robust_tables
 from bench.exhibit import Exhibit, first_of_each, load_exhibit
 from bench.picture_chapters import error_chapter, gallery_chapter, picture_chapters
 from bench.report import Section
@@ -49,6 +49,8 @@ def main_table(
         return paper_tables.make_table1(results)
     if settings.table == "table2":
         return paper_tables.make_table2(results)
+    if settings.table == "robust":
+        return robust_tables.make_robust_table(results)
     if settings.table == "fidelity":
         return _fidelity_table(cells)
     if settings.table == "ablation":
@@ -63,7 +65,7 @@ def make_chapters(
     table, sentences = main_table(settings, results, cells)
     points = tuple(paper_tables.first_words(sentences))
     chapters = [Section("Results", _overview(results), table=table, best=_best(table), points=points)]
-    if settings.table in ("table1", "table2", "ablation", "fidelity"):
+    if settings.table in ("table1", "table2", "ablation", "fidelity", "robust"):
         summary = _summary(results, ["dataset", "method"])
         chapters.append(Section("Summary", "Medians over runs; counts are sums.", table=summary, best=_best(summary)))
     chapters += _sweep_chapters(settings, results, folder)

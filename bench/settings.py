@@ -50,7 +50,7 @@ class BenchSettings:
     title: str = "One dataset"
     """Heading of the report."""
     table: str = "summary"
-    """Which table is printed first: ``summary``, ``table1``, ``table2``, ``ablation`` or ``fidelity``."""
+    """Which table is printed first: ``summary``, ``table1``, ``table2``, ``ablation``, ``fidelity`` or ``robust``."""
     datasets: dict[str, Any] = field(default_factory=dict)
     """`DatasetSettings` by name; none: one, made by the other keys of the command line."""
     all_logs: bool = False
