@@ -46,6 +46,7 @@ def _run(arguments: list[str]) -> int:
     register("bench_schema", BenchSettings)
     register_schema()
     multirun = any(argument in _MULTIRUN for argument in arguments)
+    arguments = [_quote_command(argument) for argument in arguments]
     launcher = [a for a in arguments if _root_key(a) == "hydra" or a.startswith("hydra/")]
     jobs = expand_sweep([a for a in arguments if a not in (*_MULTIRUN, *launcher)], multirun)
     planned = [_plan(job) for job in jobs]
@@ -95,6 +96,15 @@ def _plan(overrides: Sequence[str]) -> tuple[BenchSettings, str, list[Cell]]:
 def compose_sim(overrides: Sequence[str]) -> SimConfig:
     """The config of a dataset, by the overrides of ``python -m sim``."""
     return build(SimConfig, compose_config(conf_folder(), "sim", overrides))
+
+
+def _quote_command(argument: str) -> str:
+    """A command's words are its own: no comma or brace in it means anything to hydra."""
+    key, _, value = argument.partition("=")
+    if key != "method.command" or value[:1] in ("'", '"'):
+        return argument
+    escaped = value.replace("\\", "\\\\").replace("'", "\\'")
+    return f"{key}='{escaped}'"
 
 
 def _root_key(override: str) -> str:

@@ -139,7 +139,10 @@ def _draw_panels(
 ) -> Picture:
     maps = exhibit.dataset.maps
     shown = np.flatnonzero(np.isfinite(panels[-1][1]).all(axis=(1, 2)))
-    raster = frame_of([maps[k] for k in shown], panels[-1][1][shown])
+    poses = panels[-1][1][shown]
+    if len(shown) == 2:  # a pair is shown whole, wherever it was laid
+        poses = np.concatenate([T[shown] for _, T in panels if np.isfinite(T[shown]).all()])
+    raster = frame_of([maps[k] for k in shown] * (len(poses) // len(shown)), poses)
     with drawing.style():
         aspect = raster.rows / raster.cols
         width = 3.5 * len(panels)

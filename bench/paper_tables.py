@@ -51,6 +51,7 @@ def make_table1(results: Results) -> tuple[pd.DataFrame, list[str]]:
                 "Obj.": median_of(group["objective"]),
                 "floor": median_of(group["objective_floor"]),
                 "T(s)": median_of(group["runtime_s"]),
+                "answers": int((group["status"] == "ok").sum()),
                 "Suc.": f"{int(group['success'].astype(bool).sum())} of {len(group)}",
                 "maps": int(group["num_maps"].sum()),
                 "placed": int(group["num_placed"].sum()),
@@ -63,7 +64,8 @@ def make_table1(results: Results) -> tuple[pd.DataFrame, list[str]]:
             }
         )
     table = pd.DataFrame(rows)
-    return table, [s for name in dict.fromkeys(table["dataset"]) for s in _judge_table1(table, str(name))]
+    sentences = [s for name in dict.fromkeys(table["dataset"]) for s in _judge_table1(table, str(name))]
+    return table.drop(columns="answers"), sentences
 
 
 def make_table2(results: Results) -> tuple[pd.DataFrame, list[str]]:
@@ -116,6 +118,8 @@ def _judge_success(ours: Any, dataset: str, method: str) -> str:
         int(ours.loc[method, "maps"] - ours.loc[method, "placed"]),
     )
     found = f"{wrong} maps are placed wrong and {missing} left out"
+    if not ours.loc[method, "answers"]:
+        return f"{dataset}: {method} gave no answer."
     if claim == "Y" and (wrong or missing):
         return f"{dataset}: DISAGREES with the paper's Suc. = Y for {method}: {found}."
     if claim == "N" and not (wrong or missing):
@@ -125,7 +129,7 @@ def _judge_success(ours: Any, dataset: str, method: str) -> str:
 
 def _compare(dataset: str, what: str, ratio: float, claim: str) -> str:
     if math.isnan(ratio):
-        return f"{dataset}: the {what} of the two methods cannot be compared."
+        return ""
     found = f"that simultaneous merging is {claim}: sequential has {ratio:.3g} times its {what}."
     if abs(ratio - 1.0) < _EQUAL_WITHIN:
         return f"{dataset}: DISAGREES {found} They are equal within {100 * _EQUAL_WITHIN:.0f} %."
