@@ -72,7 +72,7 @@ def _make(node: DictConfig) -> int:
     config, run = build(SimConfig, node), build(RunConfig, node)
     out = Path(run.out or f"out/{dataset_name(config)}")
     with closing(_Bars(run.quiet)) as progress:
-        make_dataset(config, out, workers=run.workers, progress=progress)
+        make_dataset(config, out, workers=run.num_workers, progress=progress)
     if not run.quiet:
         print(out)
     return 0
@@ -87,7 +87,7 @@ def _make_many(overrides: list[str]) -> int:
         check_source(config)
     out = Path(run.out or "out/collection")
     with tqdm(total=len(items), desc="datasets", unit="", disable=run.quiet) as bar:
-        faults = make_collection(items, out, workers=run.workers, report=lambda _item, _fault: _advance(bar))
+        faults = make_collection(items, out, workers=run.num_workers, report=lambda _item, _fault: _advance(bar))
     for label, fault in faults.items():
         print(f"sim: {label}: {fault}", file=sys.stderr)
     if not run.quiet:

@@ -93,9 +93,9 @@ def _begin(building: GridMap) -> tuple[Figure, Axes]:
 
 def _show(axes: Axes, grid: GridMap, T_world_map: Array, occupied: tuple[float, ...], free: tuple[float, ...]) -> None:
     """Lay a grid's cells over the axes at its place."""
-    pixels = np.zeros((*grid.log_odds.shape, 4), dtype=np.float32)
-    pixels[grid.free] = free
-    pixels[grid.occupied] = occupied
+    pixels = np.zeros((*grid.log_odds.shape, 4), dtype=np.uint8)
+    pixels[grid.free] = np.rint(np.array(free) * 255.0)
+    pixels[grid.occupied] = np.rint(np.array(occupied) * 255.0)
     rows, cols = grid.log_odds.shape
     extent = (0.0, cols * grid.resolution_m, 0.0, rows * grid.resolution_m)
     limits = axes.get_xlim(), axes.get_ylim()

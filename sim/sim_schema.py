@@ -1,6 +1,7 @@
 """The keys and groups of ``python -m sim``, for hydra; for the entry points only."""
 
 import dataclasses
+import os
 import typing
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,15 +24,22 @@ class RunConfig:
 
     out: str | None = None
     """Folder to write; none: ``out/NAME``, or ``out/collection``."""
-    workers: int = 1
-    """Threads for one dataset, processes for a collection, >= 1; the result does not depend on it."""
+    workers: int | None = None
+    """Threads for one dataset, processes for a collection, >= 1; none: one for each processor. The result does not
+    depend on it."""
     quiet: bool = False
     """No progress."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot be."""
-        if self.workers < 1:
+        if self.workers is not None and self.workers < 1:
             raise ValueError(f"workers must be >= 1, got {self.workers}")
+
+    @property
+    def num_workers(self) -> int:
+        """As many as are asked for, else as many as there are processors to run on."""
+        allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+        return self.workers or allowed or 1
 
 
 @dataclass(frozen=True)

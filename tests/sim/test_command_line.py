@@ -161,6 +161,7 @@ def test_a_sweep_makes_a_collection(run, tiny_log, tmp_path):
         f"source.path={tiny_log}",
         "submaps.count=2",
         "out=c",
+        "workers=1",
     )
     assert (status, out) == (0, "c/collection.csv: 4 of 4 datasets\n")
     assert "datasets" in err
