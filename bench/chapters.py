@@ -55,7 +55,8 @@ def main_table(
         return _fidelity_table(cells)
     if settings.table == "ablation":
         return _summary(results, ["method"]), []
-    return _summary(results, ["dataset", *results.swept, "method"]), []
+    varied = [key for key in results.swept if results.scores[key].nunique(dropna=False) > 1]
+    return _summary(results, ["dataset", *varied, "method"]), []
 
 
 def make_chapters(

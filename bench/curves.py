@@ -11,7 +11,7 @@ import pandas as pd
 from bench import calibration, drawing
 from bench.drawing import Label, Picture
 from bench.statistics import breaking_point, wilson_share
-from bench.tables import Results
+from bench.tables import Results, format_value
 
 LEVELS = (0.9, 0.5)
 """Success rates whose loss is a breaking point."""
@@ -59,6 +59,7 @@ def draw_success(curve: pd.DataFrame, key: str, folder: Path) -> Picture:
     """Success, and share of placed maps that are wrong, against a swept value, with 95 % intervals."""
     methods = [str(m) for m in dict.fromkeys(curve["method"])]
     colours = drawing.method_colours(methods)
+    places = np.unique(_positions(curve[key], curve[key]))
     with drawing.style():
         figure = drawing.new_figure(10.5, 4.2)
         left, right = figure.subplots(1, 2)
@@ -70,14 +71,13 @@ def draw_success(curve: pd.DataFrame, key: str, folder: Path) -> Picture:
                 group = curve[curve["method"] == method]
                 x, y = _positions(curve[key], group[key]), group[name].to_numpy(dtype=float)
                 low, high = group[f"{name}_low"].to_numpy(dtype=float), group[f"{name}_high"].to_numpy(dtype=float)
+                x = x + 0.008 * (methods.index(method) - (len(methods) - 1) / 2) * float(np.ptp(places) or 1.0)
+                axis.errorbar(x, y, yerr=np.stack([y - low, high - y]), fmt="none", ecolor=colours[method], capsize=3)
                 axis.plot(x, y, "o-", color=colours[method], label=method, linewidth=2)
-                axis.fill_between(x, low, high, color=colours[method], alpha=0.16, linewidth=0)
             axis.set(title=title, xlabel=key, ylim=(-0.03, 1.03))
             axis.yaxis.set_major_formatter(lambda value, _position: f"{100 * value:.0f} %")
             axis.grid(visible=True)
-            if not pd.api.types.is_numeric_dtype(curve[key]):
-                names = list(dict.fromkeys(curve[key].astype(str)))
-                axis.set_xticks(range(len(names)), names)
+            axis.set_xticks(places, [format_value(value) for value in dict.fromkeys(curve[key])])
         for level in LEVELS:
             left.axhline(level, linestyle=":", linewidth=1, color="#888888")
         figure.legend(*left.get_legend_handles_labels(), loc="outside upper right", ncols=len(methods))

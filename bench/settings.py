@@ -59,7 +59,9 @@ class BenchSettings:
     """Overrides of every dataset that is cut from a log."""
     sweep: dict[str, Any] = field(default_factory=dict)
     """Keys of ``python -m sim`` and the list of values that each takes; every combination is run."""
-    hard_is_high: dict[str, bool] = field(default_factory=dict)
+    hard_is_high: dict[str, bool] = field(
+        default_factory=lambda: {"submaps.overlap": False, "submaps.measured_overlap": False}
+    )
     """For a swept key: whether larger values are harder (the default), which the breaking point needs."""
     methods: list[str] = field(default_factory=lambda: ["paper"])
     """Methods: ours, variants, installed Python methods, ``external``."""
