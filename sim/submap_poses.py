@@ -18,8 +18,6 @@ Array = npt.NDArray[np.float64]
 
 _CHUNK_SCANS = 256
 """Scans that are in memory at a time."""
-_SIDEWAYS_M = 0.05
-"""A short step may have gone this much sideways unseen: it widens the first turn of the motion model."""
 _FLOOR_M, _FLOOR_RAD = 0.01, 0.005
 """Odometry is never trusted beyond this."""
 
@@ -86,7 +84,7 @@ def odometry_sigmas(T_before_after: Array, config: OdometryConfig) -> Array:
     """(S, 2) standard deviations, metres and radians, of (S, 3, 3) motions by odometry (see `sim.odometry`)."""
     x, y, turn = se2.parameters_of(T_before_after).T
     drive = np.hypot(x, y)
-    turn_1 = np.arctan2(np.abs(y) + _SIDEWAYS_M, np.abs(x))
+    turn_1 = np.arctan2(np.abs(y), np.abs(x))
     turns = 2.0 * turn_1 + np.abs(turn)
     variance_rad2 = config.step_m * (config.alpha1 * turns + 2.0 * config.alpha2 * drive)
     variance_m2 = config.step_m * (config.alpha3 * drive + config.alpha4 * turns) + drive**2 * variance_rad2 / 2.0
