@@ -42,6 +42,8 @@ class DenseSearchConfig:
     """Step of the rotations, degrees, in (0, 90]."""
     free_weight: float = 5.0
     """Cost of a wall in free space relative to the gain of a wall on a wall, >= 0."""
+    free_width_cells: float = 1.0
+    """Free space nearer to a wall than about this counts less: rotations and shifts are tried in steps; > 0."""
     num_peaks: int = 24
     """Hypotheses to return, at least 1."""
     num_peaks_rotation: int = 6
@@ -51,7 +53,7 @@ class DenseSearchConfig:
 
     def __post_init__(self) -> None:
         """Refuse values out of range."""
-        for name in ("cell_m", "separation_m"):
+        for name in ("cell_m", "free_width_cells", "separation_m"):
             if not getattr(self, name) > 0.0:
                 raise ValueError(f"{name} must be > 0 m, got {getattr(self, name)}")
         if not 0.0 < self.step_deg <= 90.0:
@@ -75,8 +77,8 @@ class CoarseMap:
     """(S, S) share of each cell that is wall."""
     reward: Image
     """(S, S) what a wall in this cell is worth: 1 on a wall, ``-free_weight`` in free space, 0 in the unknown."""
-    center_map: Array
-    """(2,) the middle, metres, frame ``map``."""
+    T_map_center: Array
+    """(3, 3) pose of its frame ``center`` in frame ``map``: origin in the middle, axes along the cells."""
 
 
 @dataclass(frozen=True)
@@ -105,11 +107,15 @@ def coarsen(structure: WallStructure, config: DenseSearchConfig) -> CoarseMap:
 
     filled = np.minimum(splat(walls.points, walls.lengths_m) / np.float32(config.cell_m), np.float32(1.0))
     distance = cv2.distanceTransform((filled == 0.0).astype(np.uint8), cv2.DIST_L2, 5)
-    likelihood = np.exp(-0.5 * distance * distance)
+    distance = np.minimum(distance, np.float32(10.0))
+    likelihood = np.exp(-0.5 * distance**2)
+    clearance = np.float32(1.0) - np.exp(-0.5 * (distance / np.float32(config.free_width_cells)) ** 2)
     cell_share = np.full(len(free), (resolution_m / config.cell_m) ** 2)
-    space = np.minimum(splat(free, cell_share), np.float32(1.0)) * (np.float32(1.0) - likelihood)
+    space = np.minimum(splat(free, cell_share), np.float32(1.0)) * clearance
     reward = likelihood - np.float32(config.free_weight) * space
-    return CoarseMap(filled, reward.astype(np.float32), se2.transform_points(structure.T_map_field, center[None])[0])
+    return CoarseMap(
+        filled, reward.astype(np.float32), structure.T_map_field @ se2.make_motion(center[0], center[1], 0.0)
+    )
 
 
 def _circle(points: Array) -> tuple[Array, float]:
@@ -141,7 +147,9 @@ def search_motions(targets: Sequence[CoarseMap], source: CoarseMap, config: Dens
         np.conj(walls, out=walls)
         np.conj(reward, out=reward)
         for peaks, (target_walls, target_reward) in zip(found, spectra, strict=True):
-            score = scipy.fft.irfft2(walls * target_reward + reward * target_walls, (side, side))
+            score = np.asarray(
+                scipy.fft.irfft2(walls * target_reward + reward * target_walls, (side, side)), np.float32
+            )
             peaks += [(value, index, row, col) for value, row, col in find_peaks(score, config.num_peaks_rotation)]
     return [_separate(peaks, side, target, source, config) for peaks, target in zip(found, targets, strict=True)]
 
@@ -175,16 +183,10 @@ def _separate(
         apart |= np.linalg.norm(places[: len(kept), :2] - shift, axis=1) > config.separation_m
         if not apart.all():
             continue
-        T = _turn_about(source.center_map, target.center_map + shift, float(angle))
+        T_centers = se2.make_motion(shift[0], shift[1], angle)
+        T = target.T_map_center @ T_centers @ se2.invert(source.T_map_center)
         places[len(kept)] = place
         kept.append(Peak(T, score))
         if len(kept) == config.num_peaks:
             break
     return kept
-
-
-def _turn_about(center_source: Array, center_target: Array, angle_rad: float) -> Array:
-    """The motion that turns by an angle and puts one (2,) place onto another."""
-    T = se2.make_motion(0.0, 0.0, angle_rad)
-    T[:2, 2] = center_target - T[:2, :2] @ center_source
-    return T

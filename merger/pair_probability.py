@@ -12,11 +12,13 @@ import numpy.typing as npt
 
 from merger.verification import Evidence
 
-FEATURES = ("constant", "conflict", "rival", "ambiguity", "free")
+FEATURES = ("constant", "conflict", "rival", "ambiguity", "free", "loose_end")
 """Names of the features, in the order of `features_of`."""
 
 _AMBIGUOUS = 0.7
 """A rival above this share of a motion's score makes it ambiguous."""
+_PINNED_M = 2.0
+"""Less wall than this across the weaker direction leaves a motion loose: a corridor fits itself at any shift."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +29,7 @@ class ProbabilityConfig:
         ValueError: the number of coefficients is wrong, or a setting is out of its range.
     """
 
-    coefficients: tuple[float, ...] = (-7.88, -2.68, -1.37, -4.13, 0.82)
+    coefficients: tuple[float, ...] = (-7.88, -2.68, -1.37, -4.13, 0.82, -3.0)
     """One for each of `FEATURES`."""
     conflict_weight: float = 5.0
     """Metres of agreeing wall that outweigh one metre in free space when motions of a pair are ranked, >= 0."""
@@ -46,7 +48,7 @@ def score_motion(evidence: Evidence, config: ProbabilityConfig) -> float:
 
 
 def features_of(evidence: Evidence, score_m: float, rival_score_m: float) -> npt.NDArray[np.float64]:
-    """The (5,) features of one motion.
+    """The (6,) features of one motion.
 
     Args:
         evidence: What the maps say about it.
@@ -56,11 +58,14 @@ def features_of(evidence: Evidence, score_m: float, rival_score_m: float) -> npt
     Returns:
         1; the logarithm of the conflicting share of walls (half a metre is added to both lengths, so that short
         lengths say little); the rival's share of the score, 0 to 1.5; what of it is above 0.7, where two motions
-        fit about as well; the logarithm of the area that is free in both maps.
+        fit about as well; the logarithm of the area that is free in both maps; how much too little wall there is across
+        the weaker direction, as a logarithm, 0 to 3.
     """
     rival = min(max(rival_score_m / max(score_m, 1.0), 0.0), 1.5)
     conflict = math.log((evidence.conflict_m + 0.5) / (evidence.near_m + 0.5))
-    return np.array([1.0, conflict, rival, max(0.0, rival - _AMBIGUOUS), math.log(0.3 + evidence.free_m2)])
+    loose_end = min(max(math.log(_PINNED_M / max(evidence.weak_m, 1e-3)), 0.0), 3.0)
+    free = math.log(0.3 + evidence.free_m2)
+    return np.array([1.0, conflict, rival, max(0.0, rival - _AMBIGUOUS), free, loose_end])
 
 
 def log_odds_of(evidence: Evidence, rival_score_m: float, config: ProbabilityConfig) -> float:

@@ -71,11 +71,12 @@ def refine_motion(  # noqa: PLR0917 # numba takes no keyword-only arguments
     Returns:
         (3, 3) refined motion.
     """
-    T: Any = T_start
+    T: Any = T_start.copy()
     for k in range(len(cutoffs_m)):
         A, b = np.zeros((3, 3)), np.zeros(3)
         add_equations(T, source, target_all, target_fields, cutoffs_m[k], False, A, b)
-        add_equations(_invert(T), target, source_all, source_fields, cutoffs_m[k], True, A, b)
+        T_source_target: Any = _invert(T)
+        add_equations(T_source_target, target, source_all, source_fields, cutoffs_m[k], True, A, b)
         trace = A[0, 0] + A[1, 1] + A[2, 2]
         for d in range(3):
             A[d, d] += (1e-3 if d < 2 else 1e-2) + 1e-9 * trace

@@ -30,6 +30,8 @@ class WallStructureConfig:
     """Side of the squares in which wall length is counted, >= ``spacing_m``: a wall through a square counts once."""
     normal_radius_m: float = 0.25
     """Half side of the window that gives a wall point its direction, > 0."""
+    support_m: float = 0.25
+    """Wall cells with less wall about them count less, metres, > 0: people and stray hits say little."""
     free_spacing_m: float = 0.2
     """Spacing of the samples of free space, metres, > 0."""
     padding_m: float = 1.0
@@ -37,7 +39,7 @@ class WallStructureConfig:
 
     def __post_init__(self) -> None:
         """Refuse values out of range."""
-        for name in ("spacing_m", "normal_radius_m", "free_spacing_m", "padding_m"):
+        for name in ("spacing_m", "normal_radius_m", "support_m", "free_spacing_m", "padding_m"):
             if not getattr(self, name) > 0.0:
                 raise ValueError(f"{name} must be > 0 m, got {getattr(self, name)}")
         if self.metre_m < self.spacing_m:
@@ -99,14 +101,18 @@ def extract_structure(grid: GridMap, config: WallStructureConfig) -> WallStructu
     state[grid.free] = FREE
     state[grid.occupied] = OCCUPIED
     state = np.pad(state, pad)
-    rows, cols = np.nonzero(state == OCCUPIED)
+    occupied = state == OCCUPIED
+    surface = occupied & (cv2.erode(occupied.astype(np.uint8), np.ones((3, 3), np.uint8)) == 0)
+    rows, cols = np.nonzero(surface)
     cells = np.asarray((np.stack([cols, rows], axis=-1) + 0.5) * grid.resolution_m, dtype=np.float64)
-    normals, linearity = _directions(state == OCCUPIED, rows, cols, config.normal_radius_m / grid.resolution_m)
+    normals, linearity = _directions(surface, rows, cols, config.normal_radius_m / grid.resolution_m)
     group = _groups(cells, config.spacing_m)
     facing = _facing(state == FREE, rows, cols, config.normal_radius_m / grid.resolution_m)
+    support = _support(surface, rows, cols, config, grid.resolution_m)
     points, normals, linearity, facing = _join(cells, normals, linearity, facing, group)
-    distance_m, nearest = _nearest_fields(state, rows, cols, group, grid.resolution_m)
-    walls = Walls(points, normals, facing, linearity, _lengths(points, max(config.metre_m, grid.resolution_m)))
+    distance_m, nearest = _nearest_fields(surface, rows, cols, group, grid.resolution_m)
+    lengths_m = _lengths(points, max(config.metre_m, grid.resolution_m)) * _group_max(support, group)
+    walls = Walls(points, normals, facing, linearity, lengths_m)
     fields = Fields(distance_m, nearest, state, grid.resolution_m)
     free_points, free_point_m2 = _sample_free(state, grid.resolution_m, config.free_spacing_m)
     T_grid_field = se2.make_motion(-pad * grid.resolution_m, -pad * grid.resolution_m, 0.0)
@@ -130,6 +136,25 @@ def _directions(
     spread = np.hypot(cxx - cyy, 2.0 * cxy)
     linearity = np.where(count >= 3.0, spread / np.maximum(cxx + cyy, 1e-9), 0.0)
     return np.stack([-np.sin(angle), np.cos(angle)], axis=-1), np.clip(linearity, 0.0, 1.0)
+
+
+def _support(
+    surface: npt.NDArray[np.bool_],
+    rows: npt.NDArray[np.int64],
+    cols: npt.NDArray[np.int64],
+    config: WallStructureConfig,
+    resolution_m: float,
+) -> Array:
+    """0 for a lone cell (a stray hit, a leg) to 1 for cells with at least ``support_m`` of wall about them."""
+    count = _moment(surface, max(1, round(config.normal_radius_m / resolution_m)), 0, 0)[rows, cols]
+    return np.asarray(np.clip((count - 1.0) * resolution_m / config.support_m, 0.0, 1.0))
+
+
+def _group_max(values: Array, group: npt.NDArray[np.int64]) -> Array:
+    """The largest value of each group."""
+    largest = np.zeros(int(group.max(initial=-1)) + 1)
+    np.maximum.at(largest, group, values)
+    return largest
 
 
 def _facing(
@@ -177,7 +202,7 @@ def _lengths(points: Array, side_m: float) -> Array:
 
 
 def _nearest_fields(
-    state: npt.NDArray[np.uint8],
+    surface: npt.NDArray[np.bool_],
     rows: npt.NDArray[np.int64],
     cols: npt.NDArray[np.int64],
     group: npt.NDArray[np.int64],
@@ -185,8 +210,8 @@ def _nearest_fields(
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int32]]:
     """Distance to the nearest wall, and its point's index, for every cell."""
     if len(rows) == 0:
-        return np.full(state.shape, np.inf, np.float32), np.zeros(state.shape, np.int32)
-    free_of_walls = (state != OCCUPIED).astype(np.uint8)
+        return np.full(surface.shape, np.inf, np.float32), np.zeros(surface.shape, np.int32)
+    free_of_walls = (~surface).astype(np.uint8)
     distance, labels = cv2.distanceTransformWithLabels(free_of_walls, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
     point_of_label = np.zeros(int(labels.max()) + 1, dtype=np.int32)
     point_of_label[labels[rows, cols]] = group

@@ -1,0 +1,206 @@
+"""The parts of the robust method, each by its laws."""
+
+import numpy as np
+import pytest
+
+from merger import se2, wall_kernels
+from merger.dense_search import DenseSearchConfig, coarsen, search_motions
+from merger.joint_refinement import JointRefinementConfig, refine_jointly
+from merger.motion_graph import MotionGraph
+from merger.pair_probability import ProbabilityConfig, log_odds_of, probability
+from merger.peak_kernel import find_peaks
+from merger.robust_averaging import RobustAveragingConfig, average_robustly
+from merger.verification import Evidence, VerificationConfig, measure_evidence
+from merger.wall_alignment import AlignmentConfig, align_walls, motion_information
+from merger.wall_structure import WallStructureConfig, extract_structure
+
+T_WORLD_A, T_WORLD_B = se2.make_motion(1.0, -2.0, 0.5), se2.make_motion(8.0, 3.0, 2.4)
+T_A_B = se2.invert(T_WORLD_A) @ T_WORLD_B
+
+
+@pytest.fixture(scope="module")
+def pair(cut_map):
+    maps = (
+        cut_map("a", (0.0, 14.0), T_WORLD_A, resolution_m=0.05),
+        cut_map("b", (7.0, 22.0), T_WORLD_B, resolution_m=0.1),
+    )
+    return tuple(extract_structure(grid, WallStructureConfig()) for grid in maps)
+
+
+def nudge(T: np.ndarray, center: np.ndarray, v: tuple[float, float, float]) -> np.ndarray:
+    """Shift and turn a motion about a (2,) centre of the source."""
+    there = se2.make_motion(center[0], center[1], 0.0)
+    return T @ there @ se2.make_motion(*v) @ se2.invert(there)
+
+
+def apart(T: np.ndarray, T_other: np.ndarray, center: np.ndarray) -> float:
+    return float(np.linalg.norm(se2.transform_points(T, center[None]) - se2.transform_points(T_other, center[None])))
+
+
+@pytest.mark.parametrize("v", [(0.3, -0.2, 0.03), (-0.25, 0.3, -0.04)])
+def test_alignment_undoes_a_nudge(pair, v):
+    T = align_walls(*pair, nudge(T_A_B, pair[1].center_map, v), AlignmentConfig())
+    assert apart(T, T_A_B, pair[1].center_map) < 0.03
+
+
+def test_alignment_of_swapped_maps_is_the_inverse(pair):
+    start = nudge(T_A_B, pair[1].center_map, (0.1, 0.1, 0.01))
+    forward = align_walls(*pair, start, AlignmentConfig())
+    backward = align_walls(pair[1], pair[0], se2.invert(start), AlignmentConfig())
+    assert apart(se2.invert(backward), forward, pair[1].center_map) < 1e-3
+
+
+def test_evidence_is_symmetric_in_the_two_maps(pair):
+    forward = measure_evidence(*pair, T_A_B, VerificationConfig())
+    backward = measure_evidence(pair[1], pair[0], se2.invert(T_A_B), VerificationConfig())
+    for name in ("near_m", "opposed_m", "conflict_m", "loose_m", "tight_m", "weak_m", "strong_m"):
+        assert getattr(forward, name) == pytest.approx(getattr(backward, name))
+
+
+def test_evidence_speaks_for_the_true_motion_and_against_a_shifted_one(pair):
+    right = measure_evidence(*pair, T_A_B, VerificationConfig())
+    wrong = measure_evidence(*pair, nudge(T_A_B, pair[1].center_map, (1.0, 0.0, 0.0)), VerificationConfig())
+    assert right.agreement > 0.98
+    assert wrong.agreement < 0.8
+
+
+def test_wall_length_does_not_depend_on_the_resolution(cut_map):
+    lengths = [
+        extract_structure(
+            cut_map("a", (0.0, 14.0), se2.make_motion(1.0, -2.0, 0.0), resolution_m=r), WallStructureConfig()
+        ).length_m
+        for r in (0.05, 0.1)
+    ]
+    assert lengths[1] == pytest.approx(lengths[0], rel=0.2)
+
+
+def test_compare_walls_agrees_with_a_slow_oracle(pair):
+    target, source = pair
+    T = se2.invert(target.T_map_field) @ T_A_B @ source.T_map_field
+    limits = VerificationConfig()
+    sums = wall_kernels.compare_walls(
+        T, source.walls, target.walls, target.fields, limits.near_m, limits.far_m, limits.tight_m, limits.facing
+    )
+    near = opposed = conflict = 0.0
+    for point, facing, length in zip(source.walls.points, source.walls.facing, source.walls.lengths_m, strict=True):
+        place = se2.transform_points(T, point[None])[0]
+        col, row = np.floor(place / target.fields.resolution_m).astype(int)
+        rows, cols = target.fields.state.shape
+        if not (0 <= row < rows and 0 <= col < cols):
+            continue
+        distance = target.fields.distance_m[row, col]
+        other = target.walls.facing[target.fields.nearest[row, col]]
+        against = (T[:2, :2] @ facing) @ other < -limits.facing
+        near += length * (distance <= limits.near_m and not against)
+        opposed += length * (distance <= limits.near_m and against)
+        conflict += length * (distance > limits.far_m and target.fields.state[row, col] == wall_kernels.FREE)
+    assert sums[:3] == pytest.approx([near, opposed, conflict], rel=2e-3)  # a point may lie on a cell's border
+
+
+def test_dense_search_finds_the_true_motion_first(pair):
+    config = DenseSearchConfig()
+    coarse = [coarsen(item, config) for item in pair]
+    best = search_motions([coarse[0]], coarse[1], config)[0][0]
+    assert apart(best.T_target_source, T_A_B, pair[1].center_map) < 0.8
+    assert abs(se2.angle_of(se2.invert(T_A_B) @ best.T_target_source)) < np.radians(4.0)
+
+
+def test_peaks_agree_with_a_slow_oracle():
+    image = np.random.default_rng(0).standard_normal((23, 31)).astype(np.float32)
+    shifted = [np.roll(image, (r, c), (0, 1)) for r in (-1, 0, 1) for c in (-1, 0, 1)]
+    rows, cols = np.nonzero(image >= np.max(shifted, axis=0))
+    slow = sorted(((float(image[r, c]), int(r), int(c)) for r, c in zip(rows, cols, strict=True)), reverse=True)[:7]
+    assert find_peaks(image, 7) == slow
+
+
+def ring(rng: np.random.Generator, num_maps: int = 12) -> tuple[MotionGraph, np.ndarray, np.ndarray]:
+    """Motions around a ring with chords, exact; their information; the true motions."""
+    T = se2.exp(rng.normal(size=(num_maps, 3)) * [5.0, 5.0, 2.0])
+    T = se2.invert(T[0]) @ T
+    edges = np.array([(k, (k + s) % num_maps) for k in range(num_maps) for s in (1, 2, 5)])
+    spread = rng.normal(size=(len(edges), 3, 3))
+    information = spread @ np.swapaxes(spread, 1, 2) + 10.0 * np.eye(3)
+    return MotionGraph(num_maps, edges, se2.invert(T[edges[:, 0]]) @ T[edges[:, 1]]), information, T
+
+
+def test_averaging_of_exact_motions_is_exact():
+    graph, information, T = ring(np.random.default_rng(1))
+    start = se2.exp(np.random.default_rng(2).normal(size=(12, 3)) * 0.05) @ T
+    start[0] = np.eye(3)
+    assert average_robustly(graph, information, start, RobustAveragingConfig()) == pytest.approx(T, abs=1e-6)
+
+
+def test_averaging_rejects_outlier_edges():
+    graph, information, T = ring(np.random.default_rng(3))
+    T_i_j = graph.T_i_j.copy()
+    T_i_j[[4, 11, 20]] = T_i_j[[4, 11, 20]] @ se2.make_motion(3.0, -2.0, 1.0)
+    broken = MotionGraph(graph.num_maps, graph.edges, T_i_j)
+    averaged = average_robustly(broken, information, T, RobustAveragingConfig())
+    assert np.abs(averaged - T).max() < 0.02
+
+
+def test_averaging_does_not_depend_on_the_root():
+    graph, information, T = ring(np.random.default_rng(4))
+    noisy = MotionGraph(
+        graph.num_maps, graph.edges, graph.T_i_j @ se2.exp(np.random.default_rng(5).normal(size=(36, 3)) * 0.02)
+    )
+    order = np.roll(np.arange(12), 5)
+    number = np.argsort(order)
+    turned = MotionGraph(12, number[noisy.edges], noisy.T_i_j)
+    plain = average_robustly(noisy, information, T, RobustAveragingConfig())
+    other = average_robustly(turned, information, se2.invert(T[order[0]]) @ T[order], RobustAveragingConfig())
+    assert plain[order[0]] @ other == pytest.approx(plain[order], abs=1e-6)
+
+
+def test_joint_refinement_undoes_nudges_of_all_maps(cut_map):
+    spans = ((0.0, 10.0), (5.0, 15.0), (8.0, 20.0))
+    T_world_map = np.stack([se2.make_motion(2.0 * k, k, 0.7 * k) for k in range(3)])
+    grids = [
+        cut_map(f"m{k}", span, T, resolution_m=0.05) for k, (span, T) in enumerate(zip(spans, T_world_map, strict=True))
+    ]
+    structures = [extract_structure(grid, WallStructureConfig()) for grid in grids]
+    T_true = se2.invert(T_world_map[0]) @ T_world_map
+    start = T_true.copy()
+    for k in (1, 2):
+        start[k] = nudge(T_true[k], structures[k].center_map, (0.1, -0.1, 0.01))
+    joint = refine_jointly(structures, start, JointRefinementConfig())
+    for k in (1, 2):
+        assert apart(joint.T_root_map[k], T_true[k], structures[k].center_map) < 0.03
+        assert 0.0 < np.sqrt(np.trace(joint.covariance[k][:2, :2])) < 0.1
+
+
+def test_information_is_weak_along_a_corridor(pair):
+    information = motion_information(*pair, T_A_B, 2.5e-3)
+    assert np.linalg.eigvalsh(information).min() > 0.0
+
+
+def evidence(near_m: float, conflict_m: float, free_m2: float = 40.0) -> Evidence:
+    return Evidence(near_m, 0.0, conflict_m, 0.0, near_m, near_m / 3.0, near_m / 2.0, free_m2)
+
+
+def test_a_motion_is_more_probable_with_more_agreement_less_conflict_and_no_rival():
+    config = ProbabilityConfig()
+    base = log_odds_of(evidence(40.0, 1.0), 10.0, config)
+    assert log_odds_of(evidence(80.0, 1.0), 10.0, config) > base
+    assert log_odds_of(evidence(40.0, 4.0), 10.0, config) < base
+    assert log_odds_of(evidence(40.0, 1.0), 34.0, config) < base - 2.0
+    assert log_odds_of(evidence(40.0, 1.0, 1.0), 10.0, config) < base
+    assert probability(0.0) == 0.5
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: DenseSearchConfig(cell_m=0.0),
+        lambda: DenseSearchConfig(step_deg=100.0),
+        lambda: AlignmentConfig(cutoffs_m=(0.1, 0.2)),
+        lambda: WallStructureConfig(spacing_m=-1.0),
+        lambda: VerificationConfig(far_m=0.01),
+        lambda: ProbabilityConfig(coefficients=(1.0,)),
+        lambda: RobustAveragingConfig(annealing=1.0),
+        lambda: JointRefinementConfig(cutoffs_m=()),
+    ],
+)
+def test_settings_out_of_range_are_refused(make):
+    with pytest.raises(ValueError, match="must be"):
+        make()
