@@ -29,7 +29,7 @@ class ProbabilityConfig:
         ValueError: the number of coefficients is wrong, or a setting is out of its range.
     """
 
-    coefficients: tuple[float, ...] = (-7.88, -2.68, -1.37, -4.13, 0.82, -3.0)
+    coefficients: tuple[float, ...] = (-8.8, -2.84, -1.88, -4.77, 0.88, -2.89)
     """One for each of `FEATURES`."""
     conflict_weight: float = 5.0
     """Metres of agreeing wall that outweigh one metre in free space when motions of a pair are ranked, >= 0."""
