@@ -94,6 +94,14 @@ def test_ranges_that_are_not_millimetres_survive_the_log(tmp_path, make_runs):
     assert np.array_equal(read_carmen(tmp_path / "scans.log")[0].read_ranges(0, 40), odd)
 
 
+def test_a_range_at_the_lidars_very_end_is_no_missing_return(tmp_path, make_runs):
+    run = make_runs()[0]
+    ends = np.full((40, 90), 5.5, dtype=np.float32)
+    ends[:, 0] = np.inf
+    write_scan_log(tmp_path / "scans.log", [type(run)(run.trajectory, run.lidar, lambda a, b: ends[a:b])], "x")
+    assert np.array_equal(read_carmen(tmp_path / "scans.log")[0].read_ranges(0, 40), ends)
+
+
 def test_a_gzipped_log_is_read_whatever_its_name(tmp_path):
     (tmp_path / "x.log").write_bytes(gzip.compress(flaser([1.0, 2.0]).encode()))
     assert read_carmen(tmp_path / "x.log")[0].num_scans == 1

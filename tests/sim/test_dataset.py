@@ -180,6 +180,12 @@ def test_the_check_names_a_file_that_has_been_changed_even_if_its_checksum_was_c
     assert any(name in fault for fault in check_dataset(folder))
 
 
+def test_the_check_compares_the_checksum_of_every_file(folder):
+    with (folder / "README.md").open("a") as file:
+        file.write(" ")
+    assert check_dataset(folder) == [f"{folder}: README.md has changed (its SHA-256 differs)"]
+
+
 def test_the_check_names_missing_and_foreign_files_and_a_broken_index(folder):
     (folder / "world.png").unlink()
     (folder / "notes.txt").write_text("x")
