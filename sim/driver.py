@@ -40,7 +40,7 @@ class Driver:
         self._router, self._errands, self._goal = router, errands, start
         self._follower = PathFollower(router.point_of(np.array([start])))
         self._moved_at = (*robot.pose[:2], 0.0)
-        self._tries = 0
+        self._tries, self.attempts = 0, 0
 
     @property
     def position(self) -> Array:

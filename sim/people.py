@@ -22,6 +22,7 @@ _KEEP_AWAY_M = 0.55
 _FARTHEST_GOAL_M = 20.0
 _NUDGE_M = 1.3
 """A person who stands nearer to a robot than this walks on."""
+_LEAVE_S = 25.0
 _PATIENCE_S = 1.5
 """A person who is in a robot's way, or has one in the way, goes somewhere else after this time."""
 
@@ -77,13 +78,12 @@ class Walker:
         """Stand somewhere on the router's floor, away from the (R, 2) robots."""
         self._router, self._config, self._rng = router, config, rng
         self._places = np.nonzero(router.passable.ravel())[0]
-        for _ in range(50):
-            self.position = router.point_of(rng.choice(self._places))
-            if np.hypot(*(robots - self.position).T).min(initial=np.inf) > 2.0 * _KEEP_AWAY_M:
-                break
+        self.position = np.zeros(2)
+        self._appear(robots)
         self.heading_rad, self.walked_m = float(rng.uniform(-math.pi, math.pi)), 0.0
         self._path, self._next = np.zeros((0, 2)), 0
         self._pause_s, self._waited_s = float(rng.exponential(config.mean_pause_s)), 0.0
+        self._hemmed_s = 0.0
 
     def walk(self, robots: Array, step_s: float) -> None:
         """Walk for a step; (R, 2) robots are given way to."""
@@ -100,11 +100,9 @@ class Walker:
         move = min(self._config.speed_mps * step_s, length)
         ahead = self.position + way * (move / max(length, 1e-9))
         if np.hypot(*(robots - ahead).T).min(initial=np.inf) < min(_KEEP_AWAY_M, near):
-            self._waited_s += step_s
-            if self._waited_s > _PATIENCE_S:
-                self._set_out()
+            self._wait(robots, step_s)
             return
-        self.position, self._waited_s = ahead, 0.0
+        self.position, self._waited_s, self._hemmed_s = ahead, 0.0, 0.0
         self.walked_m += move
         if length > 1e-6:
             self.heading_rad = math.atan2(way[1], way[0])
@@ -119,6 +117,23 @@ class Walker:
         across = np.array([-along[1], along[0]]) * _STANCE_M
         swing = along * (_STRIDE_M * math.sin(2.0 * math.pi * self.walked_m / _STRIDE_LENGTH_M))
         return np.stack([self.position + across + swing, self.position - across - swing])
+
+    def _wait(self, robots: Array, step_s: float) -> None:
+        """Wait for a robot, then go elsewhere; whom robots hem in for long leaves, and appears somewhere else."""
+        self._waited_s += step_s
+        self._hemmed_s += step_s
+        if self._hemmed_s > _LEAVE_S:
+            self._appear(robots)
+            self._hemmed_s = 0.0
+        if self._waited_s > _PATIENCE_S:
+            self._set_out()
+
+    def _appear(self, robots: Array) -> None:
+        """Stand somewhere away from the (R, 2) robots, if there is such a place."""
+        for _ in range(50):
+            self.position = self._router.point_of(self._rng.choice(self._places))
+            if np.hypot(*(robots - self.position).T).min(initial=np.inf) > 4.0 * _KEEP_AWAY_M:
+                break
 
     def _set_out(self) -> None:
         """Choose a place not too far away, and the way there."""

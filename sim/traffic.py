@@ -23,6 +23,8 @@ _APPROACH_M = 0.03
 """A way that comes less than this closer leads past, or away."""
 _PATIENCE_S = 6.0
 """After so long a wait a robot looks for another way, and gives up its goal if there is none."""
+_MOST_ATTEMPTS = 6
+"""So often a robot tries to get around an obstacle, or out of its way."""
 
 
 def direct_traffic(drivers: Sequence[Driver], people: Array, router: Router, elapsed_s: float) -> None:
@@ -39,9 +41,11 @@ def direct_traffic(drivers: Sequence[Driver], people: Array, router: Router, ela
         by_people = _meets(driver.path_ahead(_PEOPLE_AHEAD_M), people, driver.robot.config.radius_m + _PERSON_M)
         driver.hold = by_people or (driver.mode is Mode.TOURING and bool(blockers))
         driver.waited_s = driver.waited_s + elapsed_s if driver.hold or driver.mode is Mode.MAKING_WAY else 0.0
+        if driver.mode is Mode.TOURING and not driver.hold:
+            driver.attempts = 0
     for k, driver in enumerate(drivers):
         if driver.mode is Mode.MAKING_WAY:
-            _go_on_when_passed(driver, drivers)
+            _go_on_when_passed(driver, drivers, people)
             continue
         for j in range(k + 1, len(drivers)):
             other = drivers[j]
@@ -82,24 +86,25 @@ def _settle(first: Driver, second: Driver, router: Router) -> None:
             return
 
 
-def _go_on_when_passed(driver: Driver, drivers: Sequence[Driver]) -> None:
-    others = np.array([other.position for other in drivers if other is not driver]).reshape(-1, 2)
-    if len(others) == 0 or not _near(driver.position[None], others, _PASSED_M) or driver.waited_s > 2.0 * _PATIENCE_S:
+def _go_on_when_passed(driver: Driver, drivers: Sequence[Driver], people: Array) -> None:
+    robots = np.array([other.position for other in drivers if other is not driver]).reshape(-1, 2)
+    here = driver.position[None]
+    if driver.waited_s > 2.0 * _PATIENCE_S or not (_near(here, robots, _PASSED_M) or _near(here, people, _STEP_BACK_M)):
         driver.resume()
 
 
 def _find_other_way(driver: Driver, blockers: Sequence[Driver], people: Array, router: Router) -> None:
-    """Go around what blocks the way; if there is no way around, step back; else give up the goal,
-    but not for people, who go away."""
+    """Go around what blocks the way, or step back, by turns; when nothing helps give up the goal."""
     radius_m = driver.robot.config.radius_m
     avoid = [(other.position, radius_m + other.robot.config.radius_m + _MARGIN_M) for other in blockers]
     avoid += [(person, radius_m + _PERSON_M) for person in people if np.hypot(*(person - driver.position)) < 2.0]
     driver.waited_s = 0.0
-    if driver.resume(avoid):
-        return
-    obstacles = np.array([center for center, _ in avoid])
-    refuge = router.nearest_refuge(router.node_at(driver.position), obstacles, _STEP_BACK_M, avoid)
-    if len(refuge):
-        driver.make_way(refuge)
-    elif blockers:
+    driver.attempts += 1
+    if driver.attempts > _MOST_ATTEMPTS or not avoid:
+        driver.attempts = 0
         driver.skip_goal()
+    elif driver.attempts % 2 == 0 or not driver.resume(avoid):
+        obstacles = np.array([center for center, _ in avoid])
+        refuge = router.nearest_refuge(router.node_at(driver.position), obstacles, _STEP_BACK_M, avoid)
+        if len(refuge):
+            driver.make_way(refuge)
