@@ -90,7 +90,8 @@ def compare_rows(
     A row that is missing, or failed or skipped where it was ok, is worse. A score of a row is worse beyond its
     tolerance, or when it is no longer known although no fewer maps are wrong. The mean change over a cell's n seeds
     is worse beyond ``1 / sqrt(n)`` of the mean tolerance. Scores with ``each_seed=False`` (time, memory) are compared
-    by their cell's median alone. Rows that the baseline does not know, or knows as failed, are not judged.
+    by their cell's median alone, scores with ``if_right=True`` (errors) where the baseline has no wrong map. Rows
+    that the baseline does not know, or knows as failed, are not judged.
 
     Args:
         before: Rows of the baseline.
@@ -117,8 +118,10 @@ def _compare_cell(
     present = [(old, new) for old, new in pairs if new is not None]
     findings = [_lost(old, new) for old, new in pairs if old.status == _OK and (new is None or new.status != _OK)]
     both_ok = [(old, new) for old, new in present if old.status == _OK and new.status == _OK]
+    all_right = [(old, new) for old, new in both_ok if old.scores.get("num_wrong", 0.0) == 0.0]
     for tolerance in tolerances:
-        findings += _judge_seeds(both_ok, tolerance) if tolerance.each_seed else _judge_median(both_ok, tolerance)
+        judged = all_right if tolerance.if_right else both_ok
+        findings += _judge_seeds(judged, tolerance) if tolerance.each_seed else _judge_median(judged, tolerance)
     dead = all(row.status != _OK for row in rows)
     return CellComparison(cell, len(present), tuple(findings), rows[0].reason or rows[0].status if dead else None)
 

@@ -149,6 +149,12 @@ def test_leaving_out_what_was_placed_wrong_is_not_worse():
     assert worse([replace(wrong, scores=wrong.scores | {"success": 0.0})], [nothing]) == []
 
 
+def test_how_far_off_a_wrong_map_lies_is_not_judged_but_how_many_are():
+    before = row(num_wrong=1.0, success=0.0, max_error_m=5.0, objective=7.0)
+    assert worse([before], [row(num_wrong=1.0, success=0.0, max_error_m=50.0, objective=900.0)]) == []
+    assert worse([before], [row(num_wrong=2.0, success=0.0)]) == [("num_wrong", "seed 0"), ("num_right", "seed 0")]
+
+
 def test_better_scores_are_not_worse():
     better = row(max_error_m=0.0, objective=0.1, edge_recall=1.0, runtime_ratio=1.0)
     assert worse([row()], [better]) == []
