@@ -6,7 +6,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
@@ -22,7 +22,7 @@ from sim.version import package_version
 
 TABLE = "collection.csv"
 """The index of a collection."""
-_WATCH_S = 1.0
+_WATCH_S = 0.2
 
 
 @dataclass(frozen=True)
@@ -77,6 +77,8 @@ def make_collection(items: Sequence[CollectionItem], out: Path, *, workers: int,
         rows[item.label] = _row(item, out, fault)
         _write_table(rows, out)
         report(item, fault)
+    for item in items:
+        remove_leftovers(out / item.label)
     return faults
 
 
@@ -142,7 +144,14 @@ def _make_all(items: Sequence[CollectionItem], out: Path, workers: int) -> Itera
         while running:
             done, _ = wait(running, return_when=FIRST_COMPLETED)
             for future in done:
-                yield running.pop(future), future.result()
+                yield running.pop(future), _result(future)
+
+
+def _result(future: Future[str | None]) -> str | None:
+    try:
+        return future.result()
+    except BrokenExecutor:
+        raise DatasetError("a worker process died (out of memory?); start again to finish the collection") from None
 
 
 def _make_one(item: CollectionItem, out: Path) -> str | None:
