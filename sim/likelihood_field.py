@@ -76,38 +76,55 @@ def search_pose(field, coarse, points, window, prior):  # type: ignore[no-untype
     Returns:
         Shift x, y (cells) and turn (radians) of the best pose, and its score.
     """
-    x0, y0, reach, reach_rad, step_rad = window
-    weight, shift_information, turn_information = prior
+    _, _, reach, reach_rad, step_rad = window
+    weight = prior[0]
     num_turns, num_shifts = math.ceil(reach_rad / step_rad), math.ceil(reach / BLOCK)
     side = 2 * num_shifts + 1
-    turned = np.empty((2 * num_turns + 1, len(points), 2))
-    bounds = np.empty((2 * num_turns + 1) * side * side)
-    for k in range(2 * num_turns + 1):
-        turn = (k - num_turns) * step_rad
-        cosine, sine = math.cos(turn), math.sin(turn)
-        for i in range(len(points)):
-            turned[k, i, 0] = x0 + cosine * points[i, 0] - sine * points[i, 1]
-            turned[k, i, 1] = y0 + sine * points[i, 0] + cosine * points[i, 1]
-        for a in range(side * side):
-            shift_x, shift_y = (a % side - num_shifts) * BLOCK, (a // side - num_shifts) * BLOCK
-            near_x = max(abs(shift_x + 0.5 * (BLOCK - 1)) - 0.5 * (BLOCK - 1), 0.0)
-            near_y = max(abs(shift_y + 0.5 * (BLOCK - 1)) - 0.5 * (BLOCK - 1), 0.0)
-            penalty = 0.5 * (shift_information * (near_x**2 + near_y**2) + turn_information * turn * turn)
-            bounds[k * side * side + a] = weight * _sum_at(coarse, turned[k], shift_x, shift_y, BLOCK) - penalty
+    turned = _turn_points(points, window, num_turns)
+    bounds = np.empty(len(turned) * side * side)
+    for place in range(len(bounds)):
+        k, x, y = place // (side * side), place % side - num_shifts, place // side % side - num_shifts
+        near_x, near_y = _nearest_shift(x), _nearest_shift(y)
+        bound = weight * _sum_at(coarse, turned[k], x * BLOCK, y * BLOCK, BLOCK)
+        bounds[place] = bound - _penalty(near_x, near_y, (k - num_turns) * step_rad, prior)
     best, best_x, best_y, best_turn = -np.inf, 0.0, 0.0, 0.0
     for place in np.argsort(-bounds):
         if bounds[place] <= best:
             break
-        k, a = place // (side * side), place % (side * side)
-        turn = (k - num_turns) * step_rad
+        k, turn = place // (side * side), (place // (side * side) - num_turns) * step_rad
         for b in range(BLOCK * BLOCK):
-            shift_x = (a % side - num_shifts) * BLOCK + b % BLOCK
-            shift_y = (a // side - num_shifts) * BLOCK + b // BLOCK
-            penalty = 0.5 * (shift_information * (shift_x**2 + shift_y**2) + turn_information * turn * turn)
-            score = weight * _sum_at(field, turned[k], shift_x, shift_y, 1) - penalty
+            x = (place % side - num_shifts) * BLOCK + b % BLOCK
+            y = (place // side % side - num_shifts) * BLOCK + b // BLOCK
+            score = weight * _sum_at(field, turned[k], x, y, 1) - _penalty(x, y, turn, prior)
             if score > best:
-                best, best_x, best_y, best_turn = score, float(shift_x), float(shift_y), turn
+                best, best_x, best_y, best_turn = score, float(x), float(y), turn
     return best_x, best_y, best_turn, best
+
+
+@njit(cache=True, nogil=True)
+def _turn_points(points, window, num_turns):  # type: ignore[no-untyped-def] # a kernel
+    """(2 num_turns + 1, P, 2) points at the predicted position, turned by each heading of the window."""
+    x0, y0, _, _, step_rad = window
+    turned = np.empty((2 * num_turns + 1, len(points), 2))
+    for k in range(len(turned)):
+        cosine, sine = math.cos((k - num_turns) * step_rad), math.sin((k - num_turns) * step_rad)
+        for i in range(len(points)):
+            turned[k, i, 0] = x0 + cosine * points[i, 0] - sine * points[i, 1]
+            turned[k, i, 1] = y0 + sine * points[i, 0] + cosine * points[i, 1]
+    return turned
+
+
+@njit(cache=True, nogil=True)
+def _nearest_shift(block):  # type: ignore[no-untyped-def] # a kernel
+    """The smallest absolute shift, in cells, of those that a block of shifts holds."""
+    return float(block * BLOCK) if block >= 0 else float(-block * BLOCK - BLOCK + 1)
+
+
+@njit(cache=True, nogil=True)
+def _penalty(shift_x, shift_y, turn, prior):  # type: ignore[no-untyped-def] # a kernel
+    """Log-likelihood that odometry takes from a pose."""
+    _, shift_information, turn_information = prior
+    return 0.5 * (shift_information * (shift_x**2 + shift_y**2) + turn_information * turn * turn)
 
 
 @njit(cache=True, nogil=True)
@@ -138,37 +155,36 @@ def refine_pose(field, points, pose, prior, num_iterations):  # type: ignore[no-
         Shift x, y (cells) and turn (radians), the mean value of the field at the points.
     """
     x0, y0, shift_x, shift_y, turn = pose
-    weight, shift_information, turn_information = prior
     fit = 0.0
     for _ in range(num_iterations):
-        H = np.zeros((3, 3))
-        g = np.zeros(3)
-        H[0, 0] = H[1, 1] = shift_information
-        H[2, 2] = turn_information
-        g[0], g[1], g[2] = -shift_information * shift_x, -shift_information * shift_y, -turn_information * turn
-        fit = 0.0
-        cosine, sine = math.cos(turn), math.sin(turn)
-        for i in range(len(points)):
-            x, y = cosine * points[i, 0] - sine * points[i, 1], sine * points[i, 0] + cosine * points[i, 1]
-            value, slope_x, slope_y = _interpolate(field, x0 + shift_x + x, y0 + shift_y + y)
-            fit += value
-            slope_turn = -slope_x * y + slope_y * x
-            miss = 2.0 * weight * (1.0 - value)
-            g[0] += miss * slope_x
-            g[1] += miss * slope_y
-            g[2] += miss * slope_turn
-            H[0, 0] += 2.0 * weight * slope_x * slope_x
-            H[0, 1] += 2.0 * weight * slope_x * slope_y
-            H[0, 2] += 2.0 * weight * slope_x * slope_turn
-            H[1, 1] += 2.0 * weight * slope_y * slope_y
-            H[1, 2] += 2.0 * weight * slope_y * slope_turn
-            H[2, 2] += 2.0 * weight * slope_turn * slope_turn
-        H[1, 0], H[2, 0], H[2, 1] = H[0, 1], H[0, 2], H[1, 2]
+        H, g, fit = _normal_equations(field, points, (x0, y0, shift_x, shift_y, turn), prior)
         step = np.linalg.solve(H, g)
         shift_x, shift_y, turn = shift_x + step[0], shift_y + step[1], turn + step[2]
         if abs(step[0]) + abs(step[1]) < 1e-3 and abs(step[2]) < 1e-5:
             break
     return shift_x, shift_y, turn, fit / max(len(points), 1)
+
+
+@njit(cache=True, nogil=True)
+def _normal_equations(field, points, pose, prior):  # type: ignore[no-untyped-def] # a kernel
+    """Gauss-Newton's matrix and gradient of a pose, and the sum of the field's values at the points."""
+    x0, y0, shift_x, shift_y, turn = pose
+    weight, shift_information, turn_information = prior
+    H = np.diag(np.array([shift_information, shift_information, turn_information]))
+    g = -np.diag(H) * np.array([shift_x, shift_y, turn])
+    slope = np.empty(3)
+    fit, cosine, sine = 0.0, math.cos(turn), math.sin(turn)
+    for i in range(len(points)):
+        x, y = cosine * points[i, 0] - sine * points[i, 1], sine * points[i, 0] + cosine * points[i, 1]
+        value, slope[0], slope[1] = _interpolate(field, x0 + shift_x + x, y0 + shift_y + y)
+        fit += value
+        slope[2] = -slope[0] * y + slope[1] * x
+        for r in range(3):
+            g[r] += 2.0 * weight * (1.0 - value) * slope[r]
+            for c in range(r + 1):
+                H[r, c] += 2.0 * weight * slope[r] * slope[c]
+    H[0, 1], H[0, 2], H[1, 2] = H[1, 0], H[2, 0], H[2, 1]
+    return H, g, fit
 
 
 @njit(cache=True, nogil=True)

@@ -134,24 +134,17 @@ def first_wall(grid, passable, ray):  # type: ignore[no-untyped-def] # a kernel
         passable: (N,) segments that the ray passes through; empty for none.
         ray: Start x, y and way dx, dy to its end, metres.
 
-    Returns:
-        Fraction of the way at which it is met (2.0: none), and the segment's index.
+    Returns: Fraction of the way at which it is met (2.0: none), and the segment's index.
     """
     x, y, dx, dy = ray
     best, wall = 2.0, NO_HIT
     rows, columns = grid.cell_begin.shape[0], grid.cell_begin.shape[1] - 1
     start_x, start_y = (x - grid.corner_m[0]) * grid.cells_per_m, (y - grid.corner_m[1]) * grid.cells_per_m
     way_x, way_y = dx * grid.cells_per_m, dy * grid.cells_per_m
-    per_x = 1.0 / way_x if way_x != 0.0 else np.inf
-    per_y = 1.0 / way_y if way_y != 0.0 else np.inf
-    enter_x, enter_y = start_x, start_y
-    if not (0.0 <= start_x < columns and 0.0 <= start_y < rows):
-        enter = _enter_box((start_x, way_x, columns), (start_y, way_y, rows))
-        if enter > 1.0:
-            return best, wall
-        enter_x = min(max(start_x + enter * way_x, 0.0), columns - 0.5)
-        enter_y = min(max(start_y + enter * way_y, 0.0), rows - 0.5)
-    column, row = int(enter_x), int(enter_y)
+    per_x, per_y = (1.0 / way_x if way_x != 0.0 else np.inf), (1.0 / way_y if way_y != 0.0 else np.inf)
+    column, row = _first_cell((start_x, way_x, columns), (start_y, way_y, rows))
+    if column < 0:
+        return best, wall
     step_x, step_y = (1 if way_x > 0.0 else -1), (1 if way_y > 0.0 else -1)
     next_x = (column + (way_x > 0.0) - start_x) * per_x if way_x != 0.0 else np.inf
     next_y = (row + (way_y > 0.0) - start_y) * per_y if way_y != 0.0 else np.inf
@@ -244,6 +237,21 @@ def _cast_all(grid, rays, limit_m, discs, hits):  # type: ignore[no-untyped-def]
             t, wall, cosine = t_disc, DISC_HIT, cosine_disc
         hits.ranges_m[i] = t * limit_m if t <= 1.0 else np.inf
         hits.segments[i], hits.incidence_cos[i] = wall, min(cosine, 1.0)
+
+
+@njit(cache=True, nogil=True)
+def _first_cell(along_x, along_y):  # type: ignore[no-untyped-def] # a kernel
+    """Column and row in which a ray's walk begins; -1, -1 if it misses the grid."""
+    (start_x, way_x, columns), (start_y, way_y, rows) = along_x, along_y
+    if 0.0 <= start_x < columns and 0.0 <= start_y < rows:
+        return int(start_x), int(start_y)
+    enter = _enter_box(along_x, along_y)
+    if enter > 1.0:
+        return -1, -1
+    return (
+        int(min(max(start_x + enter * way_x, 0.0), columns - 0.5)),
+        int(min(max(start_y + enter * way_y, 0.0), rows - 0.5)),
+    )
 
 
 @njit(cache=True, nogil=True)
