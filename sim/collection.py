@@ -127,7 +127,7 @@ def _write_table(rows: Mapping[str, Mapping[str, Any]], out: Path) -> None:
     writer = csv.DictWriter(text, list(columns), lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows.values())
-    temporary = out / f".{TABLE}.{os.getpid()}.tmp"
+    temporary = out / f".{TABLE}.tmp"
     temporary.write_text(text.getvalue(), encoding="utf-8")
     temporary.replace(out / TABLE)
 

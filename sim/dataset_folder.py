@@ -55,7 +55,7 @@ def new_folder(out: Path) -> Iterator[Path]:
         yield partial
         _give_name(partial, out)
     finally:
-        shutil.rmtree(partial, ignore_errors=True)
+        _discard(partial)
 
 
 def remove_leftovers(out: Path) -> None:
@@ -63,7 +63,7 @@ def remove_leftovers(out: Path) -> None:
     for left in out.absolute().parent.glob(f".{out.name}.*.partial"):
         owner = left.name.removeprefix(f".{out.name}.").split(".")[0]
         if owner.isdigit() and (int(owner) == os.getpid() or not psutil.pid_exists(int(owner))):
-            shutil.rmtree(left, ignore_errors=True)
+            _discard(left)
 
 
 def write_index(folder: Path, fields: dict[str, Any]) -> None:
@@ -109,6 +109,12 @@ def _give_name(partial: Path, out: Path) -> None:
         old = out.with_name(f".{out.name}.{os.getpid()}.old.partial")
         out.rename(old)
         partial.rename(out)
-        shutil.rmtree(old)
+        _discard(old)
     else:
         partial.rename(out)
+
+
+def _discard(folder: Path) -> None:
+    """Remove a folder, its index first: what is left when this is interrupted does not pass for a dataset."""
+    (folder / INDEX).unlink(missing_ok=True)
+    shutil.rmtree(folder, ignore_errors=True)
