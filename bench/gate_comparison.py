@@ -90,8 +90,8 @@ def compare_rows(
     A row that is missing, or failed or skipped where it was ok, is worse. A score of a row is worse beyond its
     tolerance, or when it is no longer known although no fewer maps are wrong. The mean change over a cell's n seeds
     is worse beyond ``1 / sqrt(n)`` of the mean tolerance. Scores with ``each_seed=False`` (time, memory) are compared
-    by their cell's median alone, scores with ``if_right=True`` (errors) where the baseline has no wrong map. Rows
-    that the baseline does not know, or knows as failed, are not judged.
+    by their cell's median alone, scores with ``fine=True`` where both met the same data and the baseline
+    has no wrong map. Rows that the baseline does not know, or knows as failed, are not judged.
 
     Args:
         before: Rows of the baseline.
@@ -104,7 +104,8 @@ def compare_rows(
         cells.setdefault(row.cell, []).append(row)
     compared = [_compare_cell(cell, rows, now, tolerances) for cell, rows in cells.items()]
     new = dict.fromkeys(row.label for row in after if row.cell not in cells)
-    other = dict.fromkeys(row.label for row in before if _met_other_data(row, now.get((row.cell, row.seed))))
+    pairs = [(row, now.get((row.cell, row.seed))) for row in before]
+    other = dict.fromkeys(old.label for old, new in pairs if new is not None and _differ(old, new))
     return Comparison(tuple(compared), tuple(new), tuple(describe_times(before, now)), tuple(other))
 
 
@@ -118,17 +119,17 @@ def _compare_cell(
     present = [(old, new) for old, new in pairs if new is not None]
     findings = [_lost(old, new) for old, new in pairs if old.status == _OK and (new is None or new.status != _OK)]
     both_ok = [(old, new) for old, new in present if old.status == _OK and new.status == _OK]
-    all_right = [(old, new) for old, new in both_ok if old.scores.get("num_wrong", 0.0) == 0.0]
+    comparable = [(old, new) for old, new in both_ok if not old.scores.get("num_wrong") and not _differ(old, new)]
     for tolerance in tolerances:
-        judged = all_right if tolerance.if_right else both_ok
+        judged = comparable if tolerance.fine else both_ok
         findings += _judge_seeds(judged, tolerance) if tolerance.each_seed else _judge_median(judged, tolerance)
     dead = all(row.status != _OK for row in rows)
     return CellComparison(cell, len(present), tuple(findings), rows[0].reason or rows[0].status if dead else None)
 
 
-def _met_other_data(old: GateRow, new: GateRow | None) -> bool:
-    """Whether the objective under the true motions, which no method can change, differs by more than rounding."""
-    if new is None or not {FINGERPRINT} <= old.scores.keys() & new.scores.keys():
+def _differ(old: GateRow, new: GateRow) -> bool:
+    """Whether the data differ: their objective under the true motions, by more than rounding."""
+    if not {FINGERPRINT} <= old.scores.keys() & new.scores.keys():
         return False
     return not math.isclose(old.scores[FINGERPRINT], new.scores[FINGERPRINT], rel_tol=_SAME_DATA)
 

@@ -27,8 +27,9 @@ class Tolerance:
     """As a share of the value before, at least 0."""
     each_seed: bool = True
     """Whether each seed is judged; else only the cell's median, because single values are noisy on any machine."""
-    if_right: bool = False
-    """Whether it is judged only where the baseline has no wrong map: how far off a wrong map lies is chance."""
+    fine: bool = False
+    """Whether it is judged only on the very data of the baseline, and where that has no wrong map: how far off a wrong
+    map lies is chance."""
 
     def __post_init__(self) -> None:
         """Refuse what is no tolerance."""
@@ -51,19 +52,19 @@ TOLERANCES = (
     Tolerance("success", HIGHER),
     Tolerance("num_wrong", LOWER),
     Tolerance("num_right", HIGHER),
-    Tolerance("max_error_m", LOWER, absolute=0.01, relative=0.25, if_right=True),
-    Tolerance("max_error_deg", LOWER, absolute=0.1, relative=0.25, if_right=True),
+    Tolerance("max_error_m", LOWER, absolute=0.01, relative=0.25, fine=True),
+    Tolerance("max_error_deg", LOWER, absolute=0.1, relative=0.25, fine=True),
     Tolerance("median_error_m", LOWER, absolute=0.003, relative=0.25),
     Tolerance("median_error_deg", LOWER, absolute=0.03, relative=0.25),
-    Tolerance("relation_error_m", LOWER, absolute=0.001, relative=0.2, if_right=True),
-    Tolerance("relation_error_deg", LOWER, absolute=0.02, relative=0.25, if_right=True),
-    Tolerance("objective", LOWER, absolute=0.003, relative=0.03, if_right=True),
+    Tolerance("relation_error_m", LOWER, absolute=0.001, relative=0.2, fine=True),
+    Tolerance("relation_error_deg", LOWER, absolute=0.02, relative=0.25, fine=True),
+    Tolerance("objective", LOWER, absolute=0.003, relative=0.03, fine=True),
     Tolerance("edge_precision", HIGHER, absolute=0.05),
     Tolerance("edge_recall", HIGHER, absolute=0.05),
     Tolerance("edge_precision_initial", HIGHER, absolute=0.05),
     Tolerance("edge_recall_initial", HIGHER, absolute=0.05),
-    Tolerance("iou_occupied", HIGHER, absolute=0.05, if_right=True),
-    Tolerance("iou_free", HIGHER, absolute=0.02, if_right=True),
+    Tolerance("iou_occupied", HIGHER, absolute=0.05, fine=True),
+    Tolerance("iou_free", HIGHER, absolute=0.02, fine=True),
     Tolerance("brier", LOWER, absolute=0.05),
     Tolerance("runtime_ratio", LOWER, absolute=30.0, relative=1.0, each_seed=False),
     Tolerance("peak_memory_mb", LOWER, absolute=200.0, relative=0.5, each_seed=False),

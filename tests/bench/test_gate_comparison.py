@@ -105,6 +105,11 @@ def test_other_data_under_the_same_name_are_noticed():
     assert compare_rows([row(objective_floor=0.3)], [row(objective_floor=0.31)]).other_data == ("intel x paper",)
 
 
+def test_on_other_data_counts_are_judged_and_fine_scores_are_not():
+    before, after = row(objective_floor=0.3), row(objective_floor=0.4, objective=0.4, max_error_m=0.3, num_wrong=1.0)
+    assert worse([before], [after]) == [("num_wrong", "seed 0"), ("num_right", "seed 0")]
+
+
 def test_times_are_told_by_method_whether_they_are_judged_or_not():
     now = [row(runtime_ratio=150.0), row(method="robust", runtime_ratio=50.0)]
     assert dict(compare_rows([row(), row(method="robust")], now).times) == {
