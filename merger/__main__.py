@@ -44,6 +44,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             workers=options.workers,
             reference=options.reference,
             resolution_m=options.resolution,
+            estimate_scale=options.estimate_scale,
         )
         result = merge_maps(maps, config, progress=None if options.quiet else _show_progress)
         write_result(options.out, result, maps)
@@ -77,6 +78,11 @@ def _make_parser() -> _Parser:
     parser.add_argument("--workers", type=int, default=workers, metavar="N", help="threads (default: all cores)")
     parser.add_argument("--reference", metavar="NAME", help="map whose frame is the result's (default: the first)")
     parser.add_argument("--resolution", type=float, metavar="M", help="cell side of the merged map, metres")
+    parser.add_argument(
+        "--estimate-scale",
+        action="store_true",
+        help="estimate stated resolutions that are off by up to 5 %% (method robust only; slow)",
+    )
     parser.add_argument("--quiet", action="store_true", help="no progress and no summary")
     return parser
 

@@ -37,6 +37,8 @@ class MergeConfig:
     """Name of the reference map; None: the first map."""
     resolution_m: float | None = None
     """Cell side of the merged map, > 0; None: the reference map's."""
+    estimate_scale: bool = False
+    """Whether maps' stated resolutions may be off by a few per cent, and are estimated (method `robust` only)."""
     composite: bool = True
     """Whether to make the merged map; without it `MergeResult.merged` is None."""
     features: FeatureConfig = field(default_factory=FeatureConfig)

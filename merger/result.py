@@ -81,6 +81,8 @@ class MapPlacement:
     """(3, 3) covariance of ``v = (x, y, theta)`` in ``T_ref_map @ exp(v)``; None if not estimated."""
     reason: str | None = None
     """Why the map was left out; None if it is placed."""
+    scale: float | None = None
+    """Factor by which the map's metres must be multiplied before ``T_ref_map``; None if it was not estimated."""
 
 
 @dataclass(frozen=True)

@@ -94,6 +94,7 @@ def _placement_to_json(placement: MapPlacement) -> dict[str, Any]:
         "confidence": placement.confidence,
         "covariance": _matrix_to_json(placement.covariance),
         "reason": placement.reason,
+        "scale": placement.scale,
     }
 
 
@@ -115,6 +116,7 @@ def _placement_from_json(name: str, entry: Mapping[str, Any]) -> MapPlacement:
         confidence=entry.get("confidence"),
         covariance=_matrix_from_json(entry.get("covariance")),
         reason=entry.get("reason"),
+        scale=entry.get("scale"),
     )
 
 

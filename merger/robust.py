@@ -10,6 +10,7 @@ from merger.merge_config import MergeConfig, Progress
 from merger.result import MergeResult
 from merger.robust_answer import Findings, judge_pairs, measure_objective, place_groups
 from merger.robust_stages import describe_maps, refine_groups, search_all_pairs
+from merger.scale_estimation import estimate_scales, scale_map
 from merger.stage_clock import StageClock
 
 
@@ -26,13 +27,15 @@ def merge_robustly(maps: Sequence[GridMap], config: MergeConfig, progress: Progr
     """
     clock = StageClock()
     maps = sorted(maps, key=lambda grid: grid.name)
+    scales = clock.run("features", estimate_scales, maps, config, progress) if config.estimate_scale else None
+    maps = maps if scales is None else [scale_map(grid, float(s)) for grid, s in zip(maps, scales, strict=True)]
     described = clock.run("features", describe_maps, maps, config, progress)
     hypotheses = clock.run("pairs", search_all_pairs, described, config, progress)
     structures = [item.structure for item in described]
     agreement = clock.run("tree", grow_groups, maps, structures, hypotheses, config.robust.consensus)
     groups = clock.run("averaging", refine_groups, described, hypotheses, agreement, config)
     findings = Findings(described, hypotheses, agreement, groups)
-    placements, pairs = place_groups(findings, config), judge_pairs(findings, config)
+    placements, pairs = place_groups(findings, config, scales), judge_pairs(findings, config)
     merged = clock.run("compositing", composite_largest, maps, placements, config)
     return MergeResult(
         method=config.method,

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -30,8 +30,14 @@ class Findings:
     groups: tuple[PlacedGroup, ...]
 
 
-def place_groups(findings: Findings, config: MergeConfig) -> tuple[MapPlacement, ...]:
-    """Express every map's motion in the frame of its component's reference; in the order of the maps."""
+def place_groups(findings: Findings, config: MergeConfig, scales: Array | None = None) -> tuple[MapPlacement, ...]:
+    """Express every map's motion in the frame of its component's reference; in the order of the maps.
+
+    Args:
+        findings: What the stages found.
+        config: The settings.
+        scales: (N,) factors that the maps' metres were multiplied by; None if they were not estimated.
+    """
     names = [item.structure.name for item in findings.described]
     confidence = _confidences(findings)
     placements: dict[int, MapPlacement] = {}
@@ -51,7 +57,10 @@ def place_groups(findings: Findings, config: MergeConfig) -> tuple[MapPlacement,
             placements[member] = MapPlacement(
                 names[member], True, number, T, T_initial, confidence[member], spread, None
             )
-    return tuple(placements[index] for index in range(len(names)))
+    ordered = [placements[index] for index in range(len(names))]
+    if scales is not None:
+        ordered = [replace(item, scale=float(scale)) for item, scale in zip(ordered, scales, strict=True)]
+    return tuple(ordered)
 
 
 def judge_pairs(findings: Findings, config: MergeConfig) -> tuple[PairResult, ...]:

@@ -82,7 +82,7 @@ def refine_motion(  # noqa: PLR0917 # numba takes no keyword-only arguments
             A[d, d] += (1e-3 if d < 2 else 1e-2) + 1e-9 * trace
             for e in range(d):
                 A[d, e] = A[e, d]
-        step = np.linalg.solve(A, b)
+        step: Any = np.linalg.solve(A, b)
         T = _exponential(step) @ T
         if cutoffs_m[k] == cutoffs_m[-1] and np.abs(step).max() < tolerance:
             break

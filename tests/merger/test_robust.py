@@ -11,6 +11,7 @@ from merger.merge_config import MergeConfig
 from merger.pipeline import merge_maps
 from merger.result import MergeResult, Method, PairStatus
 from merger.result_json import from_json_dict, to_json_dict
+from merger.scale_estimation import scale_map
 
 CONFIG = MergeConfig(method=Method.ROBUST)
 SPANS = ((0.0, 10.0), (5.0, 15.0), (10.0, 20.0), (14.0, 24.0))
@@ -161,3 +162,13 @@ def test_confirmed_pairs_agree_with_the_placement(merged):
         assert np.linalg.eigvalsh(pair.information).min() > 0.0
     assert sum(pair.in_tree for pair in merged.pairs) == 3
     assert len(list(itertools.combinations(range(4), 2))) == len(merged.pairs)
+
+
+def test_a_stated_resolution_that_is_off_is_estimated_on_request(cut_map):
+    parts = [cut_map(f"part_{k}", SPANS[k], place(k), resolution_m=0.1) for k in range(2)]
+    off = GridMap("part_1", parts[1].log_odds, 0.1 * 1.04, scale_map(parts[1], 1.04).T_map_grid)
+    result = merge_maps([parts[0], off], MergeConfig(method=Method.ROBUST, estimate_scale=True))
+    assert result.placement("part_1").placed
+    assert result.placement("part_1").scale == pytest.approx(1.0 / 1.04, abs=0.004)
+    assert result.placement("part_0").scale == 1.0
+    assert errors(result, 0)[0] < 0.1
