@@ -23,6 +23,7 @@ Array = npt.NDArray[np.float64]
 _ATTEMPTS = 20
 """Buildings drawn until one passes the check."""
 _NUM_STARTS = 6
+_STARTS_APART_M = 2.0
 _START_WIDTH_M = 0.4
 """A start is kept free like a door of this width."""
 _ROBOT_RADIUS_M = 0.32
@@ -152,19 +153,29 @@ def _kind(label: int, num_halls: int, area_m2: float, rng: np.random.Generator) 
 
 
 def _starts(floor: FloorLabels, areas: list[RoomArea], corridor_m: float, rng: np.random.Generator) -> Array:
-    """Places in the middle of corridors far from each other; without corridors the rooms' own points."""
+    """Places in the middle of corridors far from each other, then the rooms' own points."""
     corridor = (floor.labels == CORRIDOR).astype(np.uint8)
     depth = cv2.distanceTransform(corridor, cv2.DIST_L2, 5)
     cells = np.argwhere(depth * CELL_M > 0.42 * corridor_m)
     places = (cells[:, ::-1] + 0.5) * CELL_M
-    if len(places) < _NUM_STARTS:
-        places = np.array([[area.room.x_m, area.room.y_m] for area in areas])
-    chosen = [places[int(rng.integers(len(places)))]]
-    while len(chosen) < min(_NUM_STARTS, len(places)):
-        away = np.min([np.hypot(*(places - point).T) for point in chosen], axis=0)
-        chosen.append(places[int(np.argmax(away))])
+    rooms = np.array([[area.room.x_m, area.room.y_m] for area in areas])
+    chosen = _far_apart([], np.asarray(places, dtype=np.float64), rng)
+    chosen = _far_apart(chosen, rooms, rng)
     headings = rng.uniform(-math.pi, math.pi, len(chosen))
     return np.column_stack([np.array(chosen), headings])
+
+
+def _far_apart(chosen: list[Array], places: Array, rng: np.random.Generator) -> list[Array]:
+    """More of these (M, 2) places, each far from those chosen before, until there are enough or they lie too near."""
+    chosen = list(chosen)
+    if not chosen and len(places):
+        chosen.append(places[int(rng.integers(len(places)))])
+    while len(chosen) < _NUM_STARTS and len(places):
+        away = np.min([np.hypot(*(places - point).T) for point in chosen], axis=0)
+        if away.max() < _STARTS_APART_M:
+            break
+        chosen.append(places[int(np.argmax(away))])
+    return chosen
 
 
 def _turned(plan: Plan, angle_rad: float) -> Plan:

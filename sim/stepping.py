@@ -70,14 +70,15 @@ def run_space(
         present = [driver for driver in drivers if driver.mode is not Mode.GONE]
         if not present:
             break
-        robots = np.array([driver.robot.pose[:2] for driver in present])
         if k % traffic_steps == 0 and (len(present) > 1 or walkers):
             people = np.array([walker.position for walker in walkers]).reshape(-1, 2)
             direct_traffic(present, people, router, traffic_steps * clock.step_s)
         for driver in present:
             driver.step(clock.step_s, k * clock.step_s)
-        for walker in walkers:
-            walker.walk(robots, clock.step_s)
+        if walkers:
+            robots = np.array([driver.robot.pose[:2] for driver in present])
+            for walker in walkers:
+                walker.walk(robots, clock.step_s)
         space.step(clock.step_s)
     return recording
 
