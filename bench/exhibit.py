@@ -27,8 +27,9 @@ class Exhibit:
 
     @property
     def label(self) -> str:
-        """Name of the dataset in the tables."""
-        return self.scored.cell.dataset.label
+        """Name of the dataset in the tables, and the swept values that made it."""
+        spec = self.scored.cell.dataset
+        return ", ".join([spec.label, *(f"{key}={value}" for key, value in spec.swept)])
 
     @property
     def method(self) -> str:

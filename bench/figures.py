@@ -1,5 +1,6 @@
 """The paper's figures: matches and motions (6), an unreliable pair (7), coarse and fine (8), rivals (9)."""
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -203,7 +204,6 @@ def _verdict(exhibit: Exhibit) -> str:
 
 
 def _name(stem: str, exhibit: Exhibit, method: bool = True) -> str:
-    cell = exhibit.scored.cell
-    values = [f"{key}-{value}" for key, value in cell.dataset.swept]
-    parts = [stem, exhibit.label, *([exhibit.method] if method else []), *values]
-    return "-".join("".join(c if c.isalnum() or c in "-_." else "_" for c in part) for part in parts)
+    """Stem of a figure's files."""
+    parts = [stem, exhibit.label, *([exhibit.method] if method else [])]
+    return "-".join(re.sub(r"[^\w.=-]+", "_", part) for part in parts)

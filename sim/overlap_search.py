@@ -1,6 +1,7 @@
 """Cuts by what matters: submaps whose neighbours see a given share of the same walls, however many scans that takes."""
 
 import itertools
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,16 +14,18 @@ from sim.truth import overlap_fractions
 
 TOLERANCE = 0.01
 """The search ends this near its target."""
-_LOWEST, _HIGHEST = -4.0, 0.9
+_LADDER = (0.9, 0.7, 0.5, 0.3, 0.1, -0.2, -0.6, -1.2, -2.0, -4.0, -8.0)
 """Shares of common scans that are tried; below zero scans are left out between submaps."""
-_MAX_TRIALS = 14
+_MAX_HALVINGS = 10
 
 
 def find_cuts(runs: Sequence[RobotRun], count: int, target: float, occupancy: OccupancyConfig) -> list[SubmapCut]:
     """Cut runs so that neighbouring submaps overlap by a given amount, as measured in their maps.
 
-    The share of common scans is found by bisection; maps are made at the true poses for it, so that the answer does
-    not depend on how submaps are mapped later. Overlap of neighbours: see `neighbour_overlap`.
+    The share of common scans is lowered step by step until the overlap falls below the target, then halved into the
+    last step (with scans left out, overlap need not fall on and on: robots come back). Maps are made at the true poses
+    for it, so that the answer does not depend on how submaps are mapped later. Overlap of neighbours: see
+    `neighbour_overlap`.
 
     Args:
         runs: The runs of all robots.
@@ -34,23 +37,30 @@ def find_cuts(runs: Sequence[RobotRun], count: int, target: float, occupancy: Oc
         ValueError: no cut comes near the target.
     """
     num_scans = [run.num_scans for run in runs]
-    low, high = _LOWEST, _HIGHEST
-    best: tuple[float, float, list[SubmapCut]] | None = None
-    for _ in range(_MAX_TRIALS):
-        share = (low + high) / 2.0
+    trials: list[tuple[float, float, list[SubmapCut]]] = []
+
+    def measure(share: float) -> float:
         cuts = cut_submaps(num_scans, count, share)
         measured = neighbour_overlap(runs, cuts, occupancy)
-        if best is None or abs(measured - target) < best[0]:
-            best = (abs(measured - target), measured, cuts)
-        if abs(measured - target) <= TOLERANCE:
+        trials.append((abs(measured - target), measured, cuts))
+        return measured
+
+    high = low = _LADDER[0]
+    for share in _LADDER:
+        high, low = low, share
+        if not measure(share) > target:
             break
-        low, high = (share, high) if measured < target else (low, share)
-    if best is None or best[0] > 3 * TOLERANCE:
-        reached = "none" if best is None else f"{best[1]:.2f}"
+    for _ in range(_MAX_HALVINGS):
+        if min(trials, key=_distance)[0] <= TOLERANCE:
+            break
+        middle = (low + high) / 2.0
+        low, high = (low, middle) if measure(middle) > target else (middle, high)
+    distance, measured, cuts = min(trials, key=_distance)
+    if not distance <= 3 * TOLERANCE:
         raise ValueError(
-            f"submaps.measured_overlap={target:g} cannot be met with {count} submaps: nearest is {reached}"
+            f"submaps.measured_overlap={target:g} cannot be met with {count} submaps: the nearest is {measured:.2f}"
         )
-    return best[2]
+    return cuts
 
 
 def neighbour_overlap(runs: Sequence[RobotRun], cuts: Sequence[SubmapCut], occupancy: OccupancyConfig) -> float:
@@ -71,3 +81,8 @@ def neighbour_overlap(runs: Sequence[RobotRun], cuts: Sequence[SubmapCut], occup
             fraction = overlap_fractions(grids, np.stack(poses))
             values.append((fraction[0, 1] + fraction[1, 0]) / 2.0)
     return float(np.mean(values)) if values else float("nan")
+
+
+def _distance(trial: tuple[float, float, list[SubmapCut]]) -> float:
+    """How far a trial is from the target; infinity where nothing was measured."""
+    return math.inf if math.isnan(trial[0]) else trial[0]
