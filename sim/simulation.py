@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
+import pymunk
 
 from merger import se2
 from sim.coverage import CoverageConfig, choose_starts, plan_tours, spread_places
@@ -108,10 +109,7 @@ def drive(
     router = _make_router(world, config.robot.radius_m)
     starts, errands = _work(world, router, config, [make_stream(seed, Purpose.DRIVE, k) for k in range(num_robots)])
     space = make_space(world.segments)
-    drivers = [
-        Driver(Robot(space, start, config.robot), router, router.node_at(start[:2]), errand)
-        for start, errand in zip(starts, errands, strict=True)
-    ]
+    drivers = _make_drivers(space, config.robot, router, starts, errands)
     walkers = [
         Walker(router, config.people, starts[:, :2], make_stream(seed, Purpose.PEOPLE, k))
         for k in range(config.people.num_people)
@@ -191,10 +189,29 @@ def _work(
                 raise ValueError(f"world '{world.name}': robots {b} and {a} of {num_robots} would start in one place")
     if world.waypoints:
         routes = [world.waypoints[k % len(world.waypoints)] for k in range(num_robots)]
-        return starts, [route_errands([router.node_at(point) for point in route], endless) for route in routes]
+        return starts, [route_errands(_route_nodes(world, router, route), endless) for route in routes]
     roadmap = spread_places(router, world.rooms, starts, config.coverage.spacing_m)
     tours = plan_tours(roadmap, num_robots, config.coverage, rngs[0])
     return starts, [tour_errands(roadmap, k, tour, rngs[k] if endless else None) for k, tour in enumerate(tours)]
+
+
+def _make_drivers(
+    space: pymunk.Space, robot: RobotConfig, router: Router, starts: Array, errands: list[Errands]
+) -> list[Driver]:
+    """A robot at each start, with its errands."""
+    return [
+        Driver(Robot(space, start, robot), router, router.node_at(start[:2]), errand)
+        for start, errand in zip(starts, errands, strict=True)
+    ]
+
+
+def _route_nodes(world: World, router: Router, route: Array) -> list[int]:
+    """The nodes of a world's (M, 2) waypoints; refuses one that robots cannot reach."""
+    rows, cols = router.space.cells_of(route).T
+    for (x, y), reachable in zip(route, router.passable[rows, cols], strict=True):
+        if not reachable:
+            raise ValueError(f"world '{world.name}': the waypoint ({x:g}, {y:g}) cannot be reached by the robots")
+    return [router.node_at(point) for point in route]
 
 
 def _trajectories(

@@ -139,6 +139,12 @@ def test_waypoints_are_followed_in_their_order() -> None:
     assert (np.diff(np.argmin(away, axis=0)) > 0).all()
 
 
+def test_a_waypoint_in_a_wall_is_refused_by_its_place() -> None:
+    world = replace(two_rooms(1.0), waypoints=(np.array([[8.0, 4.0], [5.0, 0.5]]),))
+    with pytest.raises(ValueError, match=r"the waypoint \(5, 0.5\) cannot be reached"):
+        drive(world, DriveConfig(), 1, 0.1, 0)
+
+
 def test_a_robot_wider_than_the_door_is_refused_by_the_room() -> None:
     with pytest.raises(ValueError, match=r"room 'right' .* cannot be reached by a robot of radius 0.49 m"):
         drive(two_rooms(0.8), DriveConfig(robot=RobotConfig(radius_m=0.45)), 1, 0.1, 0)
