@@ -41,9 +41,9 @@ class ScanMatchingConfig:
     """Half the width of the search, in standard deviations of the odometry since the last scan, > 0."""
     point_weight: float = 0.5
     """Log-likelihood that one well fitting point is worth against the odometry, > 0."""
-    insertion_m: float = 0.15
+    insertion_m: float = 0.25
     """A scan is added to the map when the robot has moved this far since the last one that was, > 0 ..."""
-    insertion_rad: float = 0.15
+    insertion_rad: float = 0.2
     """... or turned so far, > 0."""
 
     def __post_init__(self) -> None:

@@ -123,7 +123,7 @@ def test_changing_the_range_noise_adds_its_own_draws_and_nothing_else(changed):
     kept = np.isfinite(before) & (before < LIDAR.range_max_m - 1.0)
     with np.errstate(invalid="ignore"):
         expected = (scan(dataclasses.replace(alone, **on)) - scan(alone).astype(np.float64))[kept]
-    np.testing.assert_allclose((after - before)[kept], expected, atol=0.0011)
+        np.testing.assert_allclose((after - before)[kept], expected, atol=0.0011)
     assert np.array_equal(np.isnan(before), np.isnan(after))
 
 
