@@ -120,7 +120,9 @@ def grow_groups(
         motion = max(motions, key=lambda h: h.log_odds)
         if motion.log_odds < config.min_log_odds:
             break
-        joined = _join(groups.pop(a), groups.pop(b), motion.T_target_source, maps, config.structure)
+        joined = _join(groups.pop(a), groups.pop(b), motion.T_target_source)
+        if groups:
+            joined = _describe(joined, maps, config.structure)
         joins.append(Join(a, b, motion.log_odds))
         best = {key: value for key, value in best.items() if not {a, b} & set(key)}
         for other in sorted(groups):
@@ -134,21 +136,23 @@ def grow_groups(
     return Agreement(tuple(ordered), tuple(joins), remaining)
 
 
-def _join(a: Group, b: Group, T_a_b: Array, maps: Sequence[GridMap], config: WallStructureConfig) -> Group:
-    """Put two groups into one, in the frame of its first member."""
+def _join(a: Group, b: Group, T_a_b: Array) -> Group:
+    """Put two groups into one, in the frame of its first member; its structure is still that of the first group."""
     members = np.array(a.members + b.members)
     T_a_map = np.concatenate([a.T_group_map, T_a_b @ b.T_group_map])
     order = np.argsort(members)
     T_group_map = se2.invert(T_a_map[order[0]]) @ T_a_map[order]
     numbers = tuple(int(n) for n in members[order])
-    return Group(numbers, T_group_map, _merge_structure([maps[n] for n in numbers], T_group_map, config))
+    return Group(numbers, T_group_map, a.structure)
 
 
-def _merge_structure(maps: Sequence[GridMap], T_group_map: Array, config: WallStructureConfig) -> WallStructure:
-    """The structure of maps that lie fixed to each other."""
-    finest = min(grid.resolution_m for grid in maps)
-    merged = composite_maps(maps, T_group_map, maps[0].T_map_grid, max(finest, config.spacing_m), CompositingConfig())
-    return extract_structure(replace(merged, name=maps[0].name), config)
+def _describe(group: Group, maps: Sequence[GridMap], config: WallStructureConfig) -> Group:
+    """Give a group the structure of all its maps together."""
+    own = [maps[number] for number in group.members]
+    finest = min(grid.resolution_m for grid in own)
+    cell_m = max(finest, config.spacing_m)
+    merged = composite_maps(own, group.T_group_map, own[0].T_map_grid, cell_m, CompositingConfig())
+    return replace(group, structure=extract_structure(replace(merged, name=own[0].name), config))
 
 
 def _try_motions(a: Group, b: Group, hypotheses: PairHypotheses, config: ConsensusConfig) -> tuple[Hypothesis, ...]:

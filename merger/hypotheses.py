@@ -28,7 +28,9 @@ class HypothesesConfig:
     """The dense search."""
     quick: AlignmentConfig = field(default_factory=lambda: AlignmentConfig((0.8, 0.6, 0.5, 0.4, 0.3), num_points=250))
     """The refinement of every peak."""
-    fine: AlignmentConfig = field(default_factory=AlignmentConfig)
+    fine: AlignmentConfig = field(
+        default_factory=lambda: AlignmentConfig((0.5, 0.4, 0.3, 0.3, 0.2, 0.2, 0.2), num_points=1200)
+    )
     """The refinement of those that are kept."""
     verification: VerificationConfig = field(default_factory=VerificationConfig)
     """How maps are compared."""
