@@ -102,18 +102,18 @@ def solve_blocks(edges: npt.NDArray[np.intp], H: Array, g: Array, num_maps: int)
     """
     if num_maps < 2 or len(edges) == 0:
         return np.zeros((num_maps, 3))
-    incidence = _incidence(edges, num_maps)
-    blocks = scipy.sparse.block_diag(list(H), format="csr")
-    normal = (incidence.T @ blocks @ incidence)[3:, 3:]
-    regular = normal + 1e-9 * max(1.0, float(normal.diagonal().mean())) * scipy.sparse.eye(normal.shape[0])
-    right = -(incidence.T @ g.ravel())[3:]
-    steps = scipy.sparse.linalg.spsolve(scipy.sparse.csc_matrix(regular), right)
+    i, j = edges.T
+    number = np.arange(3)
+    at_row = np.concatenate([i, j, i, j])[:, None, None] * 3 + number[:, None]
+    at_col = np.concatenate([i, j, j, i])[:, None, None] * 3 + number[None, :]
+    shape = (4 * len(edges), 3, 3)
+    rows, cols = np.broadcast_to(at_row, shape).ravel(), np.broadcast_to(at_col, shape).ravel()
+    values = np.concatenate([H, H, -H, -H]).ravel()
+    normal = scipy.sparse.csc_matrix((values, (rows, cols)), shape=(3 * num_maps, 3 * num_maps))[3:, 3:]
+    right = np.zeros((num_maps, 3))
+    np.add.at(right, i, g)
+    np.add.at(right, j, -g)
+    damping = 1e-9 * max(1.0, float(normal.diagonal().mean()))
+    regular = scipy.sparse.csc_matrix(normal + damping * scipy.sparse.identity(normal.shape[0], format="csc"))
+    steps = scipy.sparse.linalg.spsolve(regular, right[1:].ravel())
     return np.concatenate([np.zeros((1, 3)), np.asarray(steps).reshape(-1, 3)])
-
-
-def _incidence(edges: npt.NDArray[np.intp], num_maps: int) -> scipy.sparse.csr_matrix:
-    """(3 E, 3 N) matrix that gives ``v_j - v_i`` of every edge."""
-    number = np.repeat(np.arange(len(edges)), 2)
-    signs = np.tile([-1.0, 1.0], len(edges))
-    small = scipy.sparse.csr_matrix((signs, (number, edges.ravel())), shape=(len(edges), num_maps))
-    return scipy.sparse.csr_matrix(scipy.sparse.kron(small, np.eye(3)))
