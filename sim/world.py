@@ -88,12 +88,12 @@ def read_world(
         return make_world(draw_office(office or OfficeConfig(), furnish, seed))
     path = Path(name_or_path)
     if path.suffix:
-        return make_world(trace_map(path) if is_map_file(path) else read_world_file(path, furnish))
+        return _world_of_file(path, trace_map(path) if is_map_file(path) else read_world_file(path, furnish))
     bundled = worlds_folder() / f"{name_or_path}.yaml"
     if not bundled.is_file():
         known = [*sorted(p.stem for p in worlds_folder().glob("*.yaml")), OFFICE]
         raise ValueError(f"world '{name_or_path}' is unknown: give one of {', '.join(known)}, or a YAML file's path")
-    return make_world(read_world_file(bundled, furnish))
+    return _world_of_file(bundled, read_world_file(bundled, furnish))
 
 
 def make_world(plan: Plan) -> World:
@@ -111,3 +111,10 @@ def make_world(plan: Plan) -> World:
     world = World(plan.name, segments, materials, plan.starts, plan.rooms, plan.waypoints)
     check_plan(plan, segments)
     return world
+
+
+def _world_of_file(path: Path, plan: Plan) -> World:
+    try:
+        return make_world(plan)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None

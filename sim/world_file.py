@@ -37,6 +37,7 @@ from sim.furnishing import FurnishConfig, RoomArea, furnish_rooms
 from sim.plan import Material, Plan, Room, Solid, box, disc
 from sim.room_kinds import RoomKind
 from sim.walls import Door, Wall, build_walls
+from sim.yaml_fields import check_fields, read_list, read_numbers, read_points, read_positive, read_seed
 
 _FIELDS = {"thickness", "walls", "doors", "furniture", "rooms", "starts", "waypoints", "seed"}
 _DEFAULT_THICKNESS_M = 0.15
@@ -89,29 +90,29 @@ def _plan_of(name: str, document: dict[str, Any], furnish: FurnishConfig) -> Pla
     unknown = sorted(set(map(str, document)) - _FIELDS)
     if unknown:
         raise ValueError(f"unknown field '{unknown[0]}'; known are {', '.join(sorted(_FIELDS))}")
-    thickness_m = _positive("thickness", document.get("thickness", _DEFAULT_THICKNESS_M))
-    walls = [w for k, item in enumerate(_list(document, "walls")) for w in _walls(f"walls[{k}]", item, thickness_m)]
+    thickness_m = read_positive("thickness", document.get("thickness", _DEFAULT_THICKNESS_M))
+    walls = [w for k, item in enumerate(read_list(document, "walls")) for w in _walls(f"walls[{k}]", item, thickness_m)]
     if not walls:
         raise ValueError("there are no walls")
-    doors = [_door(f"doors[{k}]", item) for k, item in enumerate(_list(document, "doors"))]
-    furniture = [_furniture(f"furniture[{k}]", item) for k, item in enumerate(_list(document, "furniture"))]
+    doors = [_door(f"doors[{k}]", item) for k, item in enumerate(read_list(document, "doors"))]
+    furniture = [_furniture(f"furniture[{k}]", item) for k, item in enumerate(read_list(document, "furniture"))]
     solids = build_walls(walls, doors) + furniture
-    areas = [_room(f"rooms[{k}]", item, k) for k, item in enumerate(_list(document, "rooms"))]
-    seed = _seed(document.get("seed", 0))
-    starts = [_numbers(f"starts[{k}]", item, 3) for k, item in enumerate(_list(document, "starts"))]
+    areas = [_room(f"rooms[{k}]", item, k) for k, item in enumerate(read_list(document, "rooms"))]
+    seed = read_seed(document.get("seed", 0))
+    starts = [read_numbers(f"starts[{k}]", item, 3) for k, item in enumerate(read_list(document, "starts"))]
     openings = [[d.x_m, d.y_m, d.width_m] for d in doors if d.open_rad != 0.0]
     openings += [[x, y, _START_WIDTH_M] for x, y, _ in starts]
     solids += furnish_rooms(areas, solids, np.array(openings).reshape(-1, 3), furnish, seed)
     starts_rad = np.array(starts).reshape(-1, 3) * (1.0, 1.0, math.pi / 180.0)
-    routes = tuple(_points(f"waypoints[{k}]", item) for k, item in enumerate(_list(document, "waypoints")))
+    routes = tuple(read_points(f"waypoints[{k}]", item) for k, item in enumerate(read_list(document, "waypoints")))
     return Plan(name, tuple(solids), tuple(a.room for a in areas), starts_rad, routes)
 
 
 def _walls(where: str, item: Any, thickness_m: float) -> list[Wall]:
     fields = item if isinstance(item, dict) else {"points": item}
-    _only(where, fields, {"points", "arc", "thickness", "material"})
-    points = _arc(where, fields["arc"]) if "arc" in fields else _points(f"{where}.points", fields.get("points"))
-    thickness_m = _positive(f"{where}.thickness", fields.get("thickness", thickness_m))
+    check_fields(where, fields, {"points", "arc", "thickness", "material"})
+    points = _arc(where, fields["arc"]) if "arc" in fields else read_points(f"{where}.points", fields.get("points"))
+    thickness_m = read_positive(f"{where}.thickness", fields.get("thickness", thickness_m))
     material = _material(where, fields.get("material", "wall"), (Material.WALL, Material.GLASS))
     for a, b in pairwise(points):
         if np.hypot(*(b - a)) < 0.01:
@@ -121,19 +122,19 @@ def _walls(where: str, item: Any, thickness_m: float) -> list[Wall]:
 
 def _arc(where: str, value: Any) -> npt.NDArray[np.float64]:
     """(M, 2) points on an arc, chords of about 0.4 m."""
-    x, y, radius, first, last = _numbers(f"{where}.arc", value, 5)
+    x, y, radius, first, last = read_numbers(f"{where}.arc", value, 5)
     turn = math.radians(last - first)
-    count = max(2, math.ceil(abs(turn) * _positive(f"{where}.arc radius", radius) / _CHORD_M) + 1)
+    count = max(2, math.ceil(abs(turn) * read_positive(f"{where}.arc radius", radius) / _CHORD_M) + 1)
     angles = math.radians(first) + np.linspace(0.0, turn, count)
     return np.stack([x + radius * np.cos(angles), y + radius * np.sin(angles)], axis=-1)
 
 
 def _door(where: str, item: Any) -> Door:
-    _only(where, item, {"at", "width", "open", "hinge"})
-    x, y = _numbers(f"{where}.at", item.get("at"), 2)
-    width = _positive(f"{where}.width", item.get("width"))
+    check_fields(where, item, {"at", "width", "open", "hinge"})
+    x, y = read_numbers(f"{where}.at", item.get("at"), 2)
+    width = read_positive(f"{where}.width", item.get("width"))
     angle = item.get("open")
-    open_rad = None if angle is None else math.radians(_numbers(f"{where}.open", [angle], 1)[0])
+    open_rad = None if angle is None else math.radians(read_numbers(f"{where}.open", [angle], 1)[0])
     hinge = item.get("hinge", "start")
     if hinge not in ("start", "end"):
         raise ValueError(f"{where}.hinge must be start or end, got '{hinge}'")
@@ -141,34 +142,34 @@ def _door(where: str, item: Any) -> Door:
 
 
 def _furniture(where: str, item: Any) -> Solid:
-    _only(where, item, {"box", "disc", "turn", "material"})
+    check_fields(where, item, {"box", "disc", "turn", "material"})
     choices = (Material.FURNITURE, Material.CLUTTER, Material.WALL, Material.GLASS)
     material = _material(where, item.get("material", "furniture"), choices)
     if ("box" in item) == ("disc" in item):
         raise ValueError(f"{where} must have either 'box' or 'disc'")
     if "disc" in item:
-        x, y, radius = _numbers(f"{where}.disc", item["disc"], 3)
-        return Solid(disc(x, y, _positive(f"{where}.disc radius", radius)), material)
-    x, y, width, depth = _numbers(f"{where}.box", item["box"], 4)
-    size = (_positive(f"{where}.box width", width), _positive(f"{where}.box depth", depth))
-    angle = math.radians(_numbers(f"{where}.turn", [item.get("turn", 0.0)], 1)[0])
+        x, y, radius = read_numbers(f"{where}.disc", item["disc"], 3)
+        return Solid(disc(x, y, read_positive(f"{where}.disc radius", radius)), material)
+    x, y, width, depth = read_numbers(f"{where}.box", item["box"], 4)
+    size = (read_positive(f"{where}.box width", width), read_positive(f"{where}.box depth", depth))
+    angle = math.radians(read_numbers(f"{where}.turn", [item.get("turn", 0.0)], 1)[0])
     return Solid(box(x, y, size, angle), material)
 
 
 def _room(where: str, item: Any, k: int) -> RoomArea:
-    _only(where, item, {"name", "at", "rect", "furnish", "clutter", "seed"})
+    check_fields(where, item, {"name", "at", "rect", "furnish", "clutter", "seed"})
     name = str(item.get("name", f"room {k}"))
     kind = _kind(where, item.get("furnish", "empty"))
     if "rect" not in item and ("at" not in item or kind != RoomKind.EMPTY):
         raise ValueError(f"{where} needs {'at or rect' if kind == RoomKind.EMPTY else 'a rect to be furnished'}")
-    x0, y0, x1, y1 = _numbers(f"{where}.rect", item["rect"], 4) if "rect" in item else (0.0, 0.0, 1.0, 1.0)
+    x0, y0, x1, y1 = read_numbers(f"{where}.rect", item["rect"], 4) if "rect" in item else (0.0, 0.0, 1.0, 1.0)
     if not (x0 < x1 and y0 < y1):
         raise ValueError(f"{where}.rect must be [x0, y0, x1, y1] with x0 < x1 and y0 < y1")
-    x, y = _numbers(f"{where}.at", item["at"], 2) if "at" in item else [(x0 + x1) / 2.0, (y0 + y1) / 2.0]
-    clutter = _numbers(f"{where}.clutter", [item.get("clutter", 1.0)], 1)[0]
+    x, y = read_numbers(f"{where}.at", item["at"], 2) if "at" in item else [(x0 + x1) / 2.0, (y0 + y1) / 2.0]
+    clutter = read_numbers(f"{where}.clutter", [item.get("clutter", 1.0)], 1)[0]
     if not 0.0 <= clutter <= 5.0:
         raise ValueError(f"{where}.clutter must be in [0, 5], got {clutter:g}")
-    return RoomArea(Room(name, x, y), kind, ((x0, y0, x1, y1),), _seed(item.get("seed", k)), clutter)
+    return RoomArea(Room(name, x, y), kind, ((x0, y0, x1, y1),), read_seed(item.get("seed", k)), clutter)
 
 
 def _kind(where: str, value: Any) -> RoomKind:
@@ -182,45 +183,3 @@ def _material(where: str, value: Any, choices: tuple[Material, ...]) -> Material
     if value not in names:
         raise ValueError(f"{where}.material must be one of {', '.join(names)}, got '{value}'")
     return names[value]
-
-
-def _only(where: str, item: Any, fields: set[str]) -> None:
-    if not isinstance(item, dict):
-        raise ValueError(f"{where} must be a mapping, got '{item}'")
-    unknown = sorted(set(map(str, item)) - fields)
-    if unknown:
-        raise ValueError(f"{where} has an unknown field '{unknown[0]}'; known are {', '.join(sorted(fields))}")
-
-
-def _list(document: dict[str, Any], key: str) -> list[Any]:
-    value = document.get(key, [])
-    if not isinstance(value, list):
-        raise ValueError(f"field '{key}' must be a list")
-    return value
-
-
-def _numbers(where: str, value: Any, count: int) -> list[float]:
-    numbers = value if isinstance(value, list) else []
-    ok = len(numbers) == count and all(isinstance(v, int | float) and not isinstance(v, bool) for v in numbers)
-    if not ok or not all(math.isfinite(v) for v in numbers):
-        raise ValueError(f"{where} must be {count} finite number{'s' if count > 1 else ''}, got '{value}'")
-    return [float(v) for v in numbers]
-
-
-def _points(where: str, value: Any) -> npt.NDArray[np.float64]:
-    if not isinstance(value, list) or len(value) < 2:
-        raise ValueError(f"{where} must be a list of at least two points [x, y], got '{value}'")
-    return np.array([_numbers(f"{where}[{k}]", point, 2) for k, point in enumerate(value)])
-
-
-def _positive(where: str, value: Any) -> float:
-    number = _numbers(where, [value], 1)[0]
-    if number <= 0.0:
-        raise ValueError(f"{where} must be > 0, got {number:g}")
-    return number
-
-
-def _seed(value: Any) -> int:
-    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
-        raise ValueError(f"seed must be a whole number >= 0, got '{value}'")
-    return value
