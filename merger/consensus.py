@@ -116,8 +116,9 @@ def grow_groups(
     best = {((i,), (j,)): items for (i, j), items in hypotheses.items() if items}
     joins = []
     while best:
-        (a, b), motions = max(best.items(), key=lambda item: (max(h.log_odds for h in item[1]), item[0]))
-        motion = max(motions, key=lambda h: h.log_odds)
+        (a, b), motion = max(
+            ((key, _surest(items)) for key, items in best.items()), key=lambda m: (m[1].log_odds, m[0])
+        )
         if motion.log_odds < config.min_log_odds:
             break
         joined = _join(groups.pop(a), groups.pop(b), motion.T_target_source)
@@ -132,8 +133,13 @@ def grow_groups(
                 best[(pair[0].members, pair[1].members)] = found
         groups[joined.members] = joined
     ordered = sorted(groups.values(), key=lambda group: (-len(group.members), group.members))
-    remaining = tuple((a, b, max(items, key=lambda h: h.log_odds)) for (a, b), items in sorted(best.items()))
+    remaining = tuple((a, b, _surest(items)) for (a, b), items in sorted(best.items()))
     return Agreement(tuple(ordered), tuple(joins), remaining)
+
+
+def _surest(motions: Sequence[Hypothesis]) -> Hypothesis:
+    """The motion with the highest log-odds."""
+    return max(motions, key=lambda motion: motion.log_odds)
 
 
 def _join(a: Group, b: Group, T_a_b: Array) -> Group:

@@ -77,12 +77,7 @@ def refine_motion(  # noqa: PLR0917 # numba takes no keyword-only arguments
         add_equations(T, source, target_all, target_fields, cutoffs_m[k], False, A, b)
         T_source_target: Any = _invert(T)
         add_equations(T_source_target, target, source_all, source_fields, cutoffs_m[k], True, A, b)
-        trace = A[0, 0] + A[1, 1] + A[2, 2]
-        for d in range(3):
-            A[d, d] += (1e-3 if d < 2 else 1e-2) + 1e-9 * trace
-            for e in range(d):
-                A[d, e] = A[e, d]
-        step: Any = np.linalg.solve(A, b)
+        step = _solve_damped(A, b)
         T = _exponential(step) @ T
         if cutoffs_m[k] == cutoffs_m[-1] and np.abs(step).max() < tolerance:
             break
@@ -174,6 +169,17 @@ def count_free(T: Array, points: Array, fields: Fields) -> int:
         row, col = _cell(x, y, fields)
         count += row >= 0 and fields.state[row, col] == FREE
     return count
+
+
+@njit(cache=True, nogil=True)
+def _solve_damped(A: Array, b: Array) -> Any:
+    """The step of the upper half of A (3, 3) and b (3,); what nothing pins stays."""
+    trace = A[0, 0] + A[1, 1] + A[2, 2]
+    for d in range(3):
+        A[d, d] += (1e-3 if d < 2 else 1e-2) + 1e-9 * trace
+        for e in range(d):
+            A[d, e] = A[e, d]
+    return np.linalg.solve(A, b)
 
 
 @njit(cache=True, nogil=True)
