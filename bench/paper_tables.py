@@ -117,7 +117,7 @@ def _judge_success(ours: Any, dataset: str, method: str) -> str:
         int(ours.loc[method, "wrong"]),
         int(ours.loc[method, "maps"] - ours.loc[method, "placed"]),
     )
-    found = f"{wrong} maps are placed wrong and {missing} left out"
+    found = f"{wrong} of the maps placed wrong and {missing} left out"
     if not ours.loc[method, "answers"]:
         return f"{dataset}: {method} gave no answer."
     if claim == "Y" and (wrong or missing):
