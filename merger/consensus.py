@@ -37,7 +37,7 @@ class ConsensusConfig:
     """How the walls of a map, and of a group, are described."""
     pairs: HypothesesConfig = field(default_factory=HypothesesConfig)
     """How the motions of two maps are found and judged."""
-    min_log_odds: float = 3.0
+    min_log_odds: float = 2.5
     """Groups are joined only by motions at least so probable."""
     plausible_log_odds: float = -6.0
     """Motions of two maps below it are not tried between groups, below ``min_log_odds``."""
