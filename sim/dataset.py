@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from sim.robot_run import RobotRun
 from sim.source import make_source
 from sim.streams import Purpose, make_stream
 from sim.submap_mapping import SubmapResult, map_submap
+from sim.submap_poses import expect_odometry
 from sim.submaps import SubmapCut, cut_submaps, draw_submap_frame
 from sim.truth import Truth, find_truth, read_truth
 
@@ -92,11 +93,12 @@ def _map_submaps(
     config: SimConfig, runs: Sequence[RobotRun], cuts: Sequence[SubmapCut], workers: int, report: Progress
 ) -> list[SubmapResult]:
     """Each submap in a frame of its own; threads, since the kernels let others run meanwhile."""
+    mapping = replace(config.mapping, estimation=expect_odometry(config.mapping.estimation, config.odometry))
 
     def make(index: int) -> SubmapResult:
         cut = cuts[index]
         frame = draw_submap_frame(config.submaps, make_stream(config.seed, Purpose.SUBMAP_FRAME, index))
-        return map_submap(runs[cut.robot], cut.start, cut.stop, config.mapping, name=cut.name, T_map_first=frame)
+        return map_submap(runs[cut.robot], cut.start, cut.stop, mapping, name=cut.name, T_map_first=frame)
 
     submaps = []
     report("submaps", 0, len(cuts))

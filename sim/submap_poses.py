@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -31,7 +31,7 @@ class PoseEstimationConfig:
     """
 
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
-    """How wheels are expected to err: it sets where is searched."""
+    """How wheels are expected to err, at least: it sets where is searched."""
     matching: ScanMatchingConfig = field(default_factory=ScanMatchingConfig)
     """Each scan against the map so far."""
     joint: bool = True
@@ -48,6 +48,13 @@ class PoseEstimationConfig:
         for name in ("keyframe_m", "keyframe_rad"):
             if not 0.0 < getattr(self, name) < math.inf:
                 raise ValueError(f"pose estimation: {name} must be > 0, got {getattr(self, name):g}")
+
+
+def expect_odometry(config: PoseEstimationConfig, odometry: OdometryConfig) -> PoseEstimationConfig:
+    """The settings for a robot whose wheels err so: nothing less than that is expected of them."""
+    names = ("alpha1", "alpha2", "alpha3", "alpha4", "step_m")
+    worse = {name: max(getattr(config.odometry, name), getattr(odometry, name)) for name in names}
+    return replace(config, odometry=replace(config.odometry, **worse))
 
 
 def estimate_poses(run: RobotRun, start: int, stop: int, config: PoseEstimationConfig, max_range_m: float) -> Array:

@@ -15,7 +15,7 @@ from sim.odometry import OdometryConfig, integrate_odometry
 from sim.robot_run import LidarSpec, RobotRun, Trajectory
 from sim.scan_matching import ScanMatchingConfig
 from sim.scan_surfaces import find_surfaces
-from sim.submap_poses import PoseEstimationConfig, estimate_poses
+from sim.submap_poses import PoseEstimationConfig, estimate_poses, expect_odometry
 
 LOGS = Path(__file__).resolve().parents[3] / "shared" / "data"
 LIDAR = LidarSpec(180, -math.pi / 2, math.radians(1.0), 0.05, 30.0, T_robot_lidar=(0.1, 0.0, 0.0))
@@ -146,6 +146,11 @@ def test_exact_odometry_and_exact_ranges_stay_exact():
     still = OdometryConfig(alpha1=0.0, alpha2=0.0, alpha3=0.0, alpha4=0.0)
     run = simulated_run(noise=NoiseConfig(), odometry=still)
     assert distortion_m(estimated(run), run.trajectory.T_world_robot) < 0.01
+
+
+def test_wheels_that_err_more_are_expected_to_and_never_less():
+    config = expect_odometry(PoseEstimationConfig(), OdometryConfig(alpha1=0.9, alpha2=0.0, step_m=0.3))
+    assert config.odometry == OdometryConfig(alpha1=0.9, step_m=0.3)
 
 
 def test_the_estimate_does_not_depend_on_the_frame_of_the_odometry():
