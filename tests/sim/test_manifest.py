@@ -3,17 +3,20 @@
 import copy
 import json
 import re
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
 from sim.config import SimConfig, to_plain_dict
-from sim.dataset import make_dataset
 from sim.dataset_check import check_dataset
 from sim.hydra_schema import build, compose_config
 from sim.manifest import compare_manifest, make_manifest
 from sim.resources import conf_folder
 from sim.sim_schema import ROOT, register_schema
 
+ROOT_FOLDER = Path(__file__).resolve().parents[2]
 PRESETS = sorted((conf_folder() / "preset").glob("*.yaml"))
 
 
@@ -24,7 +27,9 @@ def config_of(preset: str) -> SimConfig:
 
 def test_the_preset_tim_can_be_made_again_as_it_was_published(tmp_path):
     manifest = json.loads((conf_folder() / "preset" / "tim.json").read_text())
-    folder = make_dataset(config_of("tim"), tmp_path / "tim", workers=2)
+    folder = tmp_path / "tim"
+    command = [sys.executable, "-m", "sim", "preset=tim", f"out={folder}", "workers=2", "quiet=true"]
+    subprocess.run(command, cwd=ROOT_FOLDER, check=True)
     assert compare_manifest(folder, manifest) == []
     assert check_dataset(folder) == []
 
