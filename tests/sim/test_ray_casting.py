@@ -51,6 +51,7 @@ def test_rays_equal_pymunk_in_an_open_world_seen_from_far_outside():
 lattice = st.integers(0, 6).map(float)
 corner = st.tuples(lattice, lattice)
 walls = st.lists(st.tuples(corner, corner).filter(lambda ab: ab[0] != ab[1]), min_size=1, max_size=8)
+fine = st.integers(-128, 7 * 128).map(lambda k: k / 128.0)  # no origin that stands within rounding of a wall
 eighth = st.integers(-8, 8).map(lambda k: k * math.pi / 4.0)
 
 
@@ -61,7 +62,7 @@ def test_rays_through_corners_along_walls_and_on_cell_borders_equal_pymunk(segme
 
 
 @settings(max_examples=150, deadline=None)
-@given(walls, st.tuples(st.floats(-1.0, 7.0), st.floats(-1.0, 7.0)), corner)
+@given(walls, st.tuples(fine, fine), corner)
 def test_rays_aimed_at_a_corner_hit_or_miss_as_in_pymunk_or_graze_it(segments, origin, target):
     """Within rounding of a corner, a hit and a miss are both right: pymunk decides by the last bit."""
     segments, origin = np.array(segments), np.array(origin)
