@@ -66,7 +66,9 @@ def measure_free_space(segments: Array, resolution_m: float = 0.1) -> FreeSpace:
     free[y, x] = 0
     distance = cv2.distanceTransform(free, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     middle = _PARTS // 2
-    clearance = distance[middle::_PARTS, middle::_PARTS].astype(np.float64) * part_m
+    # OpenCV's number of threads chooses between two codes, whose last bits differ; but squared distances are whole.
+    squares = np.rint(np.square(distance[middle::_PARTS, middle::_PARTS], dtype=np.float64))
+    clearance = np.sqrt(squares) * part_m
     return FreeSpace(np.minimum(clearance, _FARTHEST_M), resolution_m, (float(low[0]), float(low[1])))
 
 

@@ -7,9 +7,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import cv2
 import pytest
 
 from sim.config import SimConfig, to_plain_dict
+from sim.dataset import make_dataset
 from sim.dataset_check import check_dataset
 from sim.hydra_schema import build, compose_config
 from sim.manifest import compare_manifest, make_manifest
@@ -32,6 +34,17 @@ def test_the_preset_tim_can_be_made_again_as_it_was_published(tmp_path):
     subprocess.run(command, cwd=ROOT_FOLDER, check=True)
     assert compare_manifest(folder, manifest) == []
     assert check_dataset(folder) == []
+
+
+def test_the_preset_tim_is_the_same_in_a_process_that_has_let_opencv_use_other_threads(tmp_path):
+    manifest = json.loads((conf_folder() / "preset" / "tim.json").read_text())
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1 if before > 1 else 2)
+    try:
+        folder = make_dataset(config_of("tim"), tmp_path / "tim")
+    finally:
+        cv2.setNumThreads(before)
+    assert compare_manifest(folder, manifest) == []
 
 
 @pytest.mark.parametrize("path", PRESETS, ids=lambda path: path.stem)
