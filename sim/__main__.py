@@ -29,6 +29,9 @@ def main() -> None:
     except (ValueError, OSError) as error:
         print(f"sim: {' '.join(str(error).split())}", file=sys.stderr)
         sys.exit(2)
+    except MemoryError as error:
+        print(f"sim: not enough memory ({error or 'none left'})", file=sys.stderr)
+        sys.exit(2)
     except KeyboardInterrupt:
         sys.exit(130)
 
@@ -86,8 +89,8 @@ def _make_many(overrides: list[str]) -> int:
     for config in {(item.config.world, item.config.source): item.config for item in items}.values():
         check_source(config)
     out = Path(run.out or "out/collection")
-    with tqdm(total=len(items), desc="datasets", unit="", disable=run.quiet) as bar:
-        faults = make_collection(items, out, workers=run.num_workers, report=lambda _item, _fault: _advance(bar))
+    with closing(_Bars(run.quiet, always=True)) as progress:
+        faults = make_collection(items, out, workers=run.num_workers, progress=progress)
     for label, fault in faults.items():
         print(f"sim: {label}: {fault}", file=sys.stderr)
     if not run.quiet:
@@ -95,15 +98,11 @@ def _make_many(overrides: list[str]) -> int:
     return 1 if faults else 0
 
 
-def _advance(bar: "tqdm[Any]") -> None:
-    bar.update()
-
-
 class _Bars:
-    """One progress bar for each stage, on a terminal."""
+    """One progress bar for each stage, on a terminal or always."""
 
-    def __init__(self, quiet: bool) -> None:
-        self._quiet = quiet
+    def __init__(self, quiet: bool, *, always: bool = False) -> None:
+        self._disable = True if quiet else False if always else None
         self._stage = ""
         self._bar: tqdm[Any] | None = None
 
@@ -111,7 +110,7 @@ class _Bars:
         if stage != self._stage:
             self.close()
             self._stage = stage
-            self._bar = tqdm(total=total, desc=stage, unit="", disable=self._quiet or None, leave=False)
+            self._bar = tqdm(total=total, desc=stage, unit="", disable=self._disable, leave=False)
         if self._bar is not None:
             self._bar.update(done - self._bar.n)
 

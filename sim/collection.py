@@ -5,7 +5,7 @@ import io
 import os
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from sim.config import SimConfig, building_name, dataset_name, to_plain_dict
-from sim.dataset import make_dataset
+from sim.dataset import Progress, make_dataset
 from sim.dataset_folder import INDEX, DatasetError, file_sha256, read_index, refuse_to_overwrite, remove_leftovers
 from sim.truth import Truth, read_truth
 from sim.version import package_version
@@ -37,11 +37,7 @@ class CollectionItem:
     """What distinguishes it: the swept keys and their values."""
 
 
-Report = Callable[[CollectionItem, str | None], None]
-"""``report(item, fault)`` when a dataset is there, or cannot be made."""
-
-
-def make_collection(items: Sequence[CollectionItem], out: Path, *, workers: int, report: Report) -> dict[str, str]:
+def make_collection(items: Sequence[CollectionItem], out: Path, *, workers: int, progress: Progress) -> dict[str, str]:
     """Make every dataset that is not there yet, and write ``collection.csv`` after each.
 
     The result does not depend on the number of workers, nor on interruptions. The table has one row a dataset, in the
@@ -54,7 +50,7 @@ def make_collection(items: Sequence[CollectionItem], out: Path, *, workers: int,
         items: The datasets; labels are unique.
         out: Folder of the collection; each dataset gets a folder in it.
         workers: Processes, >= 1.
-        report: Called for each dataset, finished ones first.
+        progress: Called when it begins, and after each dataset that is there or cannot be made.
 
     Returns:
         For each dataset that could not be made, by label: why.
@@ -66,17 +62,16 @@ def make_collection(items: Sequence[CollectionItem], out: Path, *, workers: int,
     out.mkdir(parents=True, exist_ok=True)
     for item in items:
         remove_leftovers(out / item.label)
-        if item not in todo:
-            report(item, None)
+    progress("datasets", len(items) - len(todo), len(items))
     rows = {item.label: _row(item, out, None) for item in items}
     _write_table(rows, out)
     faults: dict[str, str] = {}
-    for item, fault in _make_all(todo, out, workers):
+    for done, (item, fault) in enumerate(_make_all(todo, out, workers), start=len(items) - len(todo) + 1):
         if fault is not None:
             faults[item.label] = fault
         rows[item.label] = _row(item, out, fault)
         _write_table(rows, out)
-        report(item, fault)
+        progress("datasets", done, len(items))
     for item in items:
         remove_leftovers(out / item.label)
     return faults
@@ -158,8 +153,8 @@ def _make_one(item: CollectionItem, out: Path) -> str | None:
     """Make a dataset; returns why it cannot be made."""
     try:
         make_dataset(item.config, out / item.label)
-    except (ValueError, OSError) as error:
-        return " ".join(str(error).split())
+    except (ValueError, OSError, MemoryError) as error:
+        return " ".join(str(error).split()) or type(error).__name__
     return None
 
 

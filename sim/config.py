@@ -10,6 +10,7 @@ from typing import Any
 from sim.coverage import CoverageConfig
 from sim.floor_plan import OfficeConfig
 from sim.furnishing import FurnishConfig
+from sim.lidar import check_lidar
 from sim.lidar_noise import NoiseConfig
 from sim.lidar_presets import LIDAR_PRESETS
 from sim.odometry import OdometryConfig
@@ -24,6 +25,7 @@ _NUM_SUBMAPS = MappingProxyType({"tim": 4, "intel": 8, "fr079": 11})
 """Submaps of the paper's data sets."""
 _OTHER_NUM_SUBMAPS = 8
 """Submaps of other buildings, and of logs."""
+_LARGEST_SEED = 2**63 - 1
 
 
 class SourceKind(StrEnum):
@@ -95,15 +97,15 @@ class SimConfig:
 
     def __post_init__(self) -> None:
         """Refuse what cannot be."""
-        if self.seed < 0:
-            raise ValueError(f"seed must be >= 0, got {self.seed}")
-        if self.noise_seed is not None and self.noise_seed < 0:
-            raise ValueError(f"noise_seed must be >= 0, got {self.noise_seed}")
+        for key, seed in (("seed", self.seed), ("noise_seed", self.noise_seed)):
+            if seed is not None and not 0 <= seed <= _LARGEST_SEED:
+                raise ValueError(f"{key} must be {'>= 0' if seed < 0 else 'below 2^63'}, got {seed}")
         if self.name is not None and (not self.name or "/" in self.name or self.name.startswith(".")):
             raise ValueError(f"name must be a folder's name (no '/', no '.' first), got '{self.name}'")
         if self.num_robots < 1:
             raise ValueError(f"num_robots must be >= 1, got {self.num_robots}")
         drive_config(self)
+        check_lidar(self.lidar)
 
 
 def drive_config(config: SimConfig) -> DriveConfig:

@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import psutil
@@ -31,8 +32,11 @@ def refuse_to_overwrite(out: Path) -> None:
     elif out.exists() or out.is_symlink():
         raise DatasetError(f"{out}: is not a folder, and is not overwritten")
     parent = next(folder for folder in out.absolute().parents if folder.exists())
-    if not (parent.is_dir() and os.access(parent, os.W_OK | os.X_OK)):
-        raise DatasetError(f"{out}: cannot be written (in {parent})")
+    try:
+        with TemporaryDirectory(prefix=f".{out.name}.{os.getpid()}.", suffix=".partial", dir=parent):
+            pass
+    except OSError:
+        raise DatasetError(f"{out}: cannot be written (in {parent})") from None
 
 
 @contextmanager

@@ -13,6 +13,8 @@ from sim.ray_casting import Discs, SegmentGrid, build_segment_grid
 from sim.robot_run import LidarSpec, RobotRun, Trajectory
 from sim.scan_kernel import Scanner, Surroundings, cast_scans, effect_keys, effects_of
 
+_ROUNDING_RAD = 1e-6
+
 ObstaclesAt = Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]]
 """``at(stamps_s (S,))`` gives the (S, K, 2) centres of the moving obstacles in frame ``world`` at these times."""
 
@@ -67,7 +69,7 @@ def scan_run(scene: Scene, trajectory: Trajectory, lidar: LidarSpec, noise: Nois
     Raises:
         ValueError: the lidar is impossible.
     """
-    _check_lidar(lidar)
+    check_lidar(lidar)
     directions = np.stack([np.cos(lidar.angles_rad), np.sin(lidar.angles_rad)], axis=-1)
     time_increment_s = lidar.time_increment_s if noise.skew else 0.0
     scanner = Scanner(directions, lidar.range_min_m, lidar.range_max_m, time_increment_s)
@@ -100,10 +102,25 @@ def _rates(poses: npt.NDArray[np.float64], stamps_s: npt.NDArray[np.float64]) ->
     return np.concatenate([rates, rates[-1:]])
 
 
-def _check_lidar(lidar: LidarSpec) -> None:
-    """Refuse a lidar that cannot be."""
+def check_lidar(lidar: LidarSpec) -> None:
+    """Refuse a lidar that cannot be.
+
+    Raises:
+        ValueError: a value is out of its range.
+    """
     if lidar.num_beams < 1:
         raise ValueError(f"lidar: num_beams must be >= 1, got {lidar.num_beams}")
+    angles_rad = np.array([lidar.angle_min_rad, lidar.angle_increment_rad])
+    if not np.isfinite(angles_rad).all() or lidar.angle_increment_rad == 0.0:
+        raise ValueError(f"lidar: need finite angles and steps that are not 0, got {angles_rad.tolist()}")
+    turn_rad = abs(lidar.angle_increment_rad) * (lidar.num_beams - 1)
+    if turn_rad > 2.0 * np.pi + _ROUNDING_RAD:
+        raise ValueError(
+            f"lidar: num_beams times angle_increment_rad must be within one turn, got {lidar.num_beams} beams "
+            f"{lidar.angle_increment_rad:g} rad apart"
+        )
+    if len(lidar.T_robot_lidar) != 3 or not np.isfinite(lidar.T_robot_lidar).all():
+        raise ValueError(f"lidar: T_robot_lidar must be three finite numbers, got {lidar.T_robot_lidar}")
     if not 0.0 <= lidar.range_min_m < lidar.range_max_m < np.inf:
         raise ValueError(
             f"lidar: need 0 <= range_min_m < range_max_m, got {lidar.range_min_m:g} and {lidar.range_max_m:g}"

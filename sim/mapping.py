@@ -28,7 +28,7 @@ class OccupancyConfig:
     """
 
     resolution_m: float = 0.05
-    """Side of a cell, > 0."""
+    """Side of a cell, 0.002 to 1: finer grids do not fit into memory."""
     max_range_m: float = 20.0
     """Usable range, > 0: a longer beam frees cells up to it, and hits none."""
     no_return_free_m: float = 0.0
@@ -42,7 +42,7 @@ class OccupancyConfig:
 
     def __post_init__(self) -> None:
         """Refuse what no map can be made with."""
-        _require("resolution_m", "> 0", self.resolution_m, self.resolution_m > 0.0)
+        _require("resolution_m", "in [0.002, 1]", self.resolution_m, 0.002 <= self.resolution_m <= 1.0)
         _require("max_range_m", "> 0", self.max_range_m, self.max_range_m > 0.0)
         free_m = self.no_return_free_m
         _require("no_return_free_m", f"in [0, {self.max_range_m:g}]", free_m, 0.0 <= free_m <= self.max_range_m)

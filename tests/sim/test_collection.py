@@ -27,7 +27,7 @@ def items(tiny_config: SimConfig) -> list[CollectionItem]:
 
 
 def make(items: list[CollectionItem], out: Path, workers: int = 1) -> dict[str, str]:
-    return make_collection(items, out, workers=workers, report=lambda _item, _fault: None)
+    return make_collection(items, out, workers=workers, progress=lambda _stage, _done, _total: None)
 
 
 def checksums(out: Path) -> dict[str, str]:
