@@ -88,8 +88,12 @@ class Outcome:
     """Seconds that the method took, reading and writing files not included for our own."""
     peak_memory_mb: float = float("nan")
     """Largest resident memory, MiB."""
+    cpu_s: float = float("nan")
+    """Processor seconds that the method took, all its threads and processes together."""
     reference_s: float = float("nan")
-    """Seconds of the reference workload, timed beside the method."""
+    """Processor seconds of the reference workload, run beside the method."""
+    overhead_s: float = float("nan")
+    """Seconds that calling the method took besides, see `bench.scores.Score.runtime_overhead_s`."""
 
 
 def hash_of(document: object) -> str:

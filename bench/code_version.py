@@ -16,7 +16,10 @@ from sim.version import package_version
 
 _LIBRARIES = ("numpy", "scipy", "opencv-python-headless", "numba")
 _MERGER_NOUNS = ("se2.py", "grid_map.py", "map_server.py")
-_SCORE_FILES = ("*metrics.py", "objective.py", "calibration.py", "scores.py", "prediction.py")
+_SCORE_FILES = (
+    *("*metrics.py", "objective.py", "nearest_other.py", "yardstick.py"),
+    *("calibration.py", "scores.py", "prediction.py"),
+)
 
 
 @functools.cache

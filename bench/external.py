@@ -61,16 +61,21 @@ def call_command(command: str, maps: Sequence[Path], out: Path) -> dict[str, Any
         _copy_maps(maps, copies)
         places = {"{maps}": str(copies), "{out}": str(out.absolute()), SCANS: str(_scans(command, maps, Path(folder)))}
         words = [_fill_in(word, places) for word in shlex.split(command)]
-        start = time.perf_counter()
+        start, start_cpu_s = time.perf_counter(), _children_cpu_s()
         status, last_line = _run(words, Path(folder))
-        wall_s = time.perf_counter() - start
+        fields = {"wall_s": time.perf_counter() - start, "cpu_s": _children_cpu_s() - start_cpu_s}
     if status == SKIP_STATUS:
         raise Skipped(last_line or "the command says that it cannot run here")
     answered = status == 0 or (status == 1 and (out / "result.json").is_file())  # 1: nothing could be merged
     if not answered:
         raise RuntimeError(f"the command ended with exit status {status}" + (f": {last_line}" if last_line else ""))
     peak_mb = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024.0
-    return {"wall_s": wall_s, "peak_memory_mb": peak_mb}
+    return fields | {"peak_memory_mb": peak_mb}
+
+
+def _children_cpu_s() -> float:
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
 
 
 def _copy_maps(maps: Sequence[Path], folder: Path) -> None:

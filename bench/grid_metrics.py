@@ -1,6 +1,7 @@
 """Scores of the merged grid itself: do the maps agree where they meet, and does the whole look like the truth?
 
-All maps are laid onto one raster (nearest cell), by the estimated and by the true motions, and votes are counted.
+All maps are laid onto one raster (nearest cell), by the estimated and by the true motions, and votes are counted. What
+the truth alone decides is worked out once for a dataset (`lay_true_grid`), since every method meets it.
 """
 
 import math
@@ -16,9 +17,12 @@ from merger.grid_map import GridMap
 
 Array = npt.NDArray[np.float64]
 Votes = npt.NDArray[np.uint16]
+Mask = npt.NDArray[np.bool_]
 
 MAX_CELLS = 4_000_000
 """Largest raster; wilder placements are scored on coarser cells."""
+
+_OCCUPIED, _FREE = 1, 2
 
 
 @dataclass(frozen=True)
@@ -38,6 +42,40 @@ class Raster:
 
 
 @dataclass(frozen=True)
+class Sheet:
+    """The known part of one map, ready to be laid onto a raster."""
+
+    marks: npt.NDArray[np.uint8]
+    """(H, W) 1 occupied, 2 free, 0 unknown."""
+    resolution_m: float
+    """Side of a cell."""
+    T_map_sheet: Array
+    """(3, 3) place of its lower-left corner in frame ``map``."""
+
+    def corners_world(self, T_world_map: Array) -> Array:
+        """(4, 2) its corners, metres in frame ``world``."""
+        height, width = (n * self.resolution_m for n in self.marks.shape)
+        box = np.array([[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]])
+        return se2.transform_points(T_world_map @ self.T_map_sheet, box)
+
+
+@dataclass(frozen=True)
+class TrueGrid:
+    """The same submaps laid out by their true poses (real logs have no other truth)."""
+
+    sheets: tuple[Sheet, ...]
+    """The N maps."""
+    T_world_map: Array
+    """(N, 3, 3) true poses."""
+    raster: Raster
+    """A raster that holds them all."""
+    walls: Mask
+    """(rows, cols) occupied cells of the true map."""
+    free: Mask
+    """(rows, cols) free cells of the true map."""
+
+
+@dataclass(frozen=True)
 class GridScores:
     """Scores of the merged grid."""
 
@@ -51,29 +89,34 @@ class GridScores:
     """See `iou`, of free cells."""
 
 
-def score_grids(maps: Sequence[GridMap], T_world_map: Array, T_world_map_estimated: Array) -> GridScores:
+def lay_true_grid(maps: Sequence[GridMap], T_world_map: Array) -> TrueGrid:
+    """Lay N maps out by their (N, 3, 3) true poses."""
+    sheets = tuple(make_sheet(grid) for grid in maps)
+    raster = _raster_for(sheets, T_world_map)
+    return TrueGrid(sheets, T_world_map, raster, *_classify(*count_votes(sheets, T_world_map, raster)))
+
+
+def score_grids(true: TrueGrid, T_world_map_estimated: Array) -> GridScores:
     """Acceptance index and IoU of a merge.
 
     Args:
-        maps: N maps.
-        T_world_map: (N, 3, 3) true poses.
+        true: The maps, and the map that they make by the truth.
         T_world_map_estimated: (N, 3, 3) estimated poses, brought into ``world`` by the fitted frame; NaN where a map
             is not placed.
     """
-    known: npt.NDArray[np.bool_] = np.asarray(np.isfinite(T_world_map_estimated).all(axis=(1, 2)))
+    known: Mask = np.asarray(np.isfinite(T_world_map_estimated).all(axis=(1, 2)))
     if not known.any():
         return GridScores(math.nan, 0, 0.0, 0.0)
-    placed = [grid for grid, is_known in zip(maps, known, strict=True) if is_known]
-    raster = _raster_for([*maps, *placed], np.concatenate([T_world_map, T_world_map_estimated[known]]))
+    placed = [sheet for sheet, is_known in zip(true.sheets, known, strict=True) if is_known]
+    raster, walls_true, free_true = _widen(true, placed, T_world_map_estimated[known])
     occupied, free = count_votes(placed, T_world_map_estimated[known], raster)
-    occupied_true, free_true = count_votes(maps, T_world_map, raster)
     acceptance, count = acceptance_index(occupied, free)
-    walls, walls_true = (occupied > 0) & (occupied >= free), (occupied_true > 0) & (occupied_true >= free_true)
+    walls, open_space = _classify(occupied, free)
     return GridScores(
         acceptance=acceptance,
         acceptance_count=count,
         iou_occupied=iou(walls, walls_true),
-        iou_free=iou((free > 0) & ~walls, (free_true > 0) & ~walls_true),
+        iou_free=iou(open_space, free_true),
     )
 
 
@@ -88,66 +131,106 @@ def acceptance_index(occupied: Votes, free: Votes) -> tuple[float, int]:
         occupied: (H, W) how many maps call a cell occupied.
         free: (H, W) how many call it free.
     """
-    shared = occupied + free > 1
-    o, f = occupied[shared].astype(np.int64), free[shared].astype(np.int64)
+    shared = np.flatnonzero(occupied + free > 1)
+    o, f = occupied.reshape(-1)[shared].astype(np.int64), free.reshape(-1)[shared].astype(np.int64)
     agree = int((o * (o - 1) // 2 + f * (f - 1) // 2).sum())
     disagree = int((o * f).sum())
     total = agree + disagree
     return (agree / total if total else math.nan), total
 
 
-def iou(mask: npt.NDArray[np.bool_], mask_true: npt.NDArray[np.bool_]) -> float:
+def iou(mask: Mask, mask_true: Mask) -> float:
     """Intersection over union of the merged and the true map's cells, 0 to 1; 0 where both are empty.
 
-    The true map is the same submaps laid out by their true poses (real logs have no other). Cells unknown to both
-    play no part; a map that was left out costs its cells.
+    Cells unknown to both play no part; a map that was left out costs its cells.
     """
-    union = int((mask | mask_true).sum())
-    return int((mask & mask_true).sum()) / union if union else 0.0
+    union = np.count_nonzero(mask | mask_true)
+    return np.count_nonzero(mask & mask_true) / union if union else 0.0
 
 
-def count_votes(maps: Sequence[GridMap], T_world_map: Array, raster: Raster) -> tuple[Votes, Votes]:
+def make_sheet(grid: GridMap) -> Sheet:
+    """The part of a map that is known; the whole of it where nothing is."""
+    marks = grid.occupied * np.uint8(_OCCUPIED) + grid.free * np.uint8(_FREE)
+    rows, cols = np.flatnonzero(marks.any(axis=1)), np.flatnonzero(marks.any(axis=0))
+    if not len(rows):
+        return Sheet(marks, grid.resolution_m, grid.T_map_grid)
+    shift = se2.make_motion(cols[0] * grid.resolution_m, rows[0] * grid.resolution_m, 0.0)
+    known = np.ascontiguousarray(marks[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1])
+    return Sheet(known, grid.resolution_m, grid.T_map_grid @ shift)
+
+
+def count_votes(sheets: Sequence[Sheet], T_world_map: Array, raster: Raster) -> tuple[Votes, Votes]:
     """How many maps call each raster cell occupied, and how many free: two (rows, cols) arrays, row 0 at smallest y."""
     occupied = np.zeros((raster.rows, raster.cols), dtype=np.uint16)
     free = np.zeros_like(occupied)
-    T_raster_world = se2.make_motion(-raster.x_min_m, -raster.y_min_m, 0.0)
-    for grid, T in zip(maps, T_world_map, strict=True):
-        T_raster_grid = T_raster_world @ T @ grid.T_map_grid
-        occupied += _warp(grid.occupied, grid.resolution_m, T_raster_grid, raster)
-        free += _warp(grid.free, grid.resolution_m, T_raster_grid, raster)
+    for sheet, T in zip(sheets, T_world_map, strict=True):
+        window = _window(sheet.corners_world(T), raster)
+        marks = _warp(sheet, T, raster, window)
+        occupied[window] += marks == _OCCUPIED
+        free[window] += marks == _FREE
     return occupied, free
 
 
-def _warp(
-    mask: npt.NDArray[np.bool_], resolution_m: float, T_raster_grid: Array, raster: Raster
-) -> npt.NDArray[np.uint8]:
-    """Sample a mask at the centres of the raster's cells (nearest cell)."""
+def _classify(occupied: Votes, free: Votes) -> tuple[Mask, Mask]:
+    """Occupied cells (at least as many votes as for free) and free cells."""
+    walls = (occupied > 0) & (occupied >= free)
+    return walls, (free > 0) & ~walls
+
+
+def _window(corners_world: Array, raster: Raster) -> tuple[slice, slice]:
+    """The rows and columns of a raster that points may touch."""
+    cells = (corners_world - [raster.x_min_m, raster.y_min_m]) / raster.cell_m
+    low, high = np.floor(cells.min(axis=0)).astype(int) - 1, np.ceil(cells.max(axis=0)).astype(int) + 1
+    (left, below), (right, above) = np.maximum(low, 0), np.maximum(np.minimum(high, [raster.cols, raster.rows]), 0)
+    return slice(min(below, above), above), slice(min(left, right), right)
+
+
+def _warp(sheet: Sheet, T_world_map: Array, raster: Raster, window: tuple[slice, slice]) -> npt.NDArray[np.uint8]:
+    """Sample a map at the centres of a window's cells (nearest cell)."""
+    rows, cols = window
+    if rows.start == rows.stop or cols.start == cols.stop:
+        return np.zeros((rows.stop - rows.start, cols.stop - cols.start), dtype=np.uint8)
+    x_m, y_m = raster.x_min_m + cols.start * raster.cell_m, raster.y_min_m + rows.start * raster.cell_m
+    T_window_sheet = se2.make_motion(-x_m, -y_m, 0.0) @ T_world_map @ sheet.T_map_sheet
     A = np.empty((2, 3))
-    A[:, :2] = T_raster_grid[:2, :2] * (resolution_m / raster.cell_m)
-    A[:, 2] = T_raster_grid[:2, 2] / raster.cell_m + A[:, :2] @ [0.5, 0.5] - 0.5
-    warped = cv2.warpAffine(
-        mask.view(np.uint8), A, (raster.cols, raster.rows), flags=cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT
-    )
+    A[:, :2] = T_window_sheet[:2, :2] * (sheet.resolution_m / raster.cell_m)
+    A[:, 2] = T_window_sheet[:2, 2] / raster.cell_m + A[:, :2] @ [0.5, 0.5] - 0.5
+    size = (cols.stop - cols.start, rows.stop - rows.start)
+    warped = cv2.warpAffine(sheet.marks, A, size, flags=cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT)
     return np.asarray(warped, dtype=np.uint8)
 
 
-def _raster_for(maps: Sequence[GridMap], T_world_map: Array) -> Raster:
+def _raster_for(sheets: Sequence[Sheet], T_world_map: Array) -> Raster:
     """The raster that holds every map, at the finest resolution that `MAX_CELLS` allows."""
-    corners = [se2.transform_points(T, _known_corners(grid)) for grid, T in zip(maps, T_world_map, strict=True)]
-    points = np.concatenate(corners)
-    low, high = points.min(axis=0), points.max(axis=0)
-    cell = min(grid.resolution_m for grid in maps)
+    low, high = _bounds(sheets, T_world_map)
+    cell = min(sheet.resolution_m for sheet in sheets)
     cell = max(cell, math.sqrt(float(np.prod(high - low)) / MAX_CELLS))
     cols, rows = (int(n) + 1 for n in np.ceil((high - low) / cell))
     return Raster(float(low[0]), float(low[1]), cell, rows, cols)
 
 
-def _known_corners(grid: GridMap) -> Array:
-    """(4, 2) corners of the box around a map's known cells, metres in frame ``map``."""
-    known = grid.log_odds != 0.0
-    rows, cols = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
-    if not len(rows):
-        rows, cols = np.array([0, known.shape[0] - 1]), np.array([0, known.shape[1] - 1])
-    low, high = (rows[0], cols[0]), (rows[-1] + 1, cols[-1] + 1)
-    box = [[low[0], low[1]], [low[0], high[1]], [high[0], high[1]], [high[0], low[1]]]
-    return grid.points_map_from_cells(np.array(box, dtype=np.float64))
+def _widen(true: TrueGrid, placed: Sequence[Sheet], T_world_map: Array) -> tuple[Raster, Mask, Mask]:
+    """A raster that holds the true map and the placed maps, too, and the true map's walls and free cells on it.
+
+    It grows by whole cells, so that the true map need not be laid out again, unless it would grow too large.
+    """
+    old = true.raster
+    low, high = _bounds(placed, T_world_map)
+    steps = [
+        (low[1] - old.y_min_m, high[1] - old.y_min_m, old.rows),
+        (low[0] - old.x_min_m, high[0] - old.x_min_m, old.cols),
+    ]
+    pads = [(max(math.ceil(-a / old.cell_m), 0), max(math.ceil(b / old.cell_m) - n, 0)) for a, b, n in steps]
+    rows, cols = (n + sum(pad) for n, pad in zip((old.rows, old.cols), pads, strict=True))
+    if rows * cols > MAX_CELLS + max(rows, cols):
+        both = [*true.sheets, *placed]
+        raster = _raster_for(both, np.concatenate([true.T_world_map, T_world_map]))
+        return raster, *_classify(*count_votes(true.sheets, true.T_world_map, raster))
+    x_min_m, y_min_m = old.x_min_m - pads[1][0] * old.cell_m, old.y_min_m - pads[0][0] * old.cell_m
+    return Raster(x_min_m, y_min_m, old.cell_m, rows, cols), np.pad(true.walls, pads), np.pad(true.free, pads)
+
+
+def _bounds(sheets: Sequence[Sheet], T_world_map: Array) -> tuple[Array, Array]:
+    """The least and the greatest x and y of maps at their places, metres."""
+    points = np.concatenate([sheet.corners_world(T) for sheet, T in zip(sheets, T_world_map, strict=True)])
+    return points.min(axis=0), points.max(axis=0)

@@ -22,7 +22,8 @@ import psutil
 
 from bench.cell import Outcome
 
-_POLL_S = 0.1
+_POLL_S = 0.25
+"""Between two looks at a child's memory and time; an answer is met at once."""
 _PR_SET_PDEATHSIG = 1
 _CONTEXT = multiprocessing.get_context("forkserver")
 _START = threading.Lock()

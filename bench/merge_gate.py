@@ -22,6 +22,7 @@ from bench.merger_call import Merger, merger_command
 from bench.prediction import PredictionError, read_prediction
 from bench.reference_workload import time_reference
 from bench.scores import Score, score_failure, score_result
+from bench.yardstick import make_yardstick
 from sim.dataset import read_dataset
 
 
@@ -93,7 +94,8 @@ def score_on_dataset(config: MergeGateConfig, folder: Path, work: Path) -> GateR
     try:
         fields = external.call_command(config.full_command, sorted((folder / "maps").glob("*.yaml")), out)
         outcome = Outcome("ok", reference_s=time_reference(), **fields)
-        score, _, _ = score_result(dataset, read_prediction(out / "result.json", dataset.truth.names), outcome)
+        answer = read_prediction(out / "result.json", dataset.truth.names)
+        score, _, _ = score_result(make_yardstick(dataset), answer, outcome)
     except (Skipped, RuntimeError, PredictionError) as error:
         status = "skipped" if isinstance(error, Skipped) else "failed"
         score = score_failure(len(dataset.maps), Outcome(status, str(error)))

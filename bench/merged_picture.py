@@ -36,7 +36,7 @@ def draw_merge(
     shown = [k for k in (range(len(maps)) if members is None else members) if np.isfinite(T_world_map[k]).all()]
     walls = []
     for k in shown:
-        occupied, free = grid_metrics.count_votes([maps[k]], T_world_map[k : k + 1], raster)
+        occupied, free = grid_metrics.count_votes([grid_metrics.make_sheet(maps[k])], T_world_map[k : k + 1], raster)
         image[(free > 0) & (image[..., 3] == 0.0)] = _FREE
         walls.append((colours[k], cv2.dilate((occupied > 0).astype(np.uint8), _BRUSH) > 0))
     for colour, mask in walls:

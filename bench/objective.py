@@ -10,8 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
+from bench.nearest_other import nearest_other_m
 from merger import se2
 
 Array = npt.NDArray[np.float64]
@@ -59,14 +59,10 @@ def score_objective(
     for number in np.unique(component[known]):
         members = np.flatnonzero(known & (component == number)).tolist()
         points = [se2.transform_points(T_ref_map[k], edges_map[k]) for k in members]
+        owner = np.repeat(np.arange(len(members)), [len(p) for p in points])
+        distances_m = nearest_other_m(np.concatenate(points), owner)
         for position, k in enumerate(members):
-            others = [p for other, p in enumerate(points) if other != position and len(p)]
-            if others and len(points[position]):
-                distances = _nearest_distances_m(points[position], np.concatenate(others))
-                values.append(map_objective(distances / resolutions_m[k]))
+            own = distances_m[owner == position]
+            if np.isfinite(own).any():
+                values.append(map_objective(own / resolutions_m[k]))
     return float(np.mean(values)) if values else math.nan
-
-
-def _nearest_distances_m(points: Array, others: Array) -> Array:
-    tree = cKDTree(others, balanced_tree=False, compact_nodes=False)
-    return np.asarray(tree.query(points)[0], dtype=np.float64)

@@ -7,12 +7,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from bench import calibration, grid_metrics, metrics, objective, pair_metrics, relation_metrics
+from bench import calibration, grid_metrics, metrics, pair_metrics, relation_metrics
 from bench.cell import Outcome
 from bench.prediction import Prediction
-from merger import se2
-from merger.edges import extract_edge_points
-from sim.dataset import Dataset
+from bench.yardstick import Yardstick
 
 STAGES = ("features", "pairs", "tree", "averaging", "compositing")
 """Stages whose times a result states."""
@@ -80,8 +78,13 @@ class Score:
     """`calibration.brier_score` of the maps' confidences."""
     runtime_s: float = math.nan
     """Wall time of the method."""
+    runtime_overhead_s: float = math.nan
+    """Wall time of the row that is neither the method's (``runtime_s``) nor spent on making the dataset: starting and
+    ending processes, reading maps, copying them for a command, writing the answer, the reference workload, scoring.
+    Drawing the report is not in it: that comes once, after the last row."""
     runtime_ratio: float = math.nan
-    """Wall time over that of the reference workload, timed in the same process."""
+    """Processor time of the method, all its threads and processes, over that of the reference workload (a few ms), run
+    in the same process right after it: what other programs do meanwhile hardly changes it; waiting does not count."""
     runtime_features_s: float = math.nan
     """Stated time of the stage."""
     runtime_pairs_s: float = math.nan
@@ -145,15 +148,14 @@ class PairScore:
 
 
 def score_result(
-    dataset: Dataset, prediction: Prediction, outcome: Outcome
+    yardstick: Yardstick, prediction: Prediction, outcome: Outcome
 ) -> tuple[Score, list[MapScore], list[PairScore]]:
     """Score one answer against the truth of its dataset."""
-    truth = dataset.truth
+    truth = yardstick.truth
     errors = metrics.placement_errors(truth.T_world_map, prediction.placed, prediction.component, prediction.T_ref_map)
     pairs = pair_metrics.score_pairs(prediction, truth.T_world_map, truth.overlap)
     relations = relation_metrics.score_relations(prediction, truth.T_world_map, truth.overlap)
-    grids = grid_metrics.score_grids(dataset.maps, truth.T_world_map, errors.T_world_ref @ prediction.T_ref_map)
-    objectives: dict[str, Any] = _objectives(dataset, prediction)
+    grids = grid_metrics.score_grids(yardstick.grid, errors.T_world_ref @ prediction.T_ref_map)
     stages: dict[str, Any] = {f"runtime_{s}_s": prediction.stages_s.get(s, math.nan) for s in STAGES}
     judged = np.isfinite(errors.error_m)
     fields: dict[str, Any] = (
@@ -163,10 +165,12 @@ def score_result(
         status=outcome.status,
         reason=outcome.reason,
         **fields,
-        **objectives,
+        objective_initial=yardstick.objective(prediction.T_ref_map_initial, prediction.component),
+        objective=yardstick.objective(prediction.T_ref_map, prediction.component),
+        objective_floor=yardstick.objective_floor,
         brier=calibration.brier_score(prediction.confidence[judged], ~errors.wrong[judged]),
         runtime_s=outcome.wall_s,
-        runtime_ratio=outcome.wall_s / outcome.reference_s,
+        runtime_ratio=outcome.cpu_s / outcome.reference_s,
         peak_memory_mb=outcome.peak_memory_mb,
         **stages,
     )
@@ -178,19 +182,6 @@ def score_failure(num_maps: int, outcome: Outcome) -> Score:
     return Score(
         outcome.status, outcome.reason, num_maps, runtime_s=outcome.wall_s, peak_memory_mb=outcome.peak_memory_mb
     )
-
-
-def _objectives(dataset: Dataset, prediction: Prediction) -> dict[str, float]:
-    edges = [se2.transform_points(m.T_map_grid, extract_edge_points(m)) for m in dataset.maps]
-    cells = [m.resolution_m for m in dataset.maps]
-    together = np.zeros(len(edges), dtype=np.int64)
-    return {
-        "objective_initial": objective.score_objective(
-            edges, cells, prediction.T_ref_map_initial, prediction.component
-        ),
-        "objective": objective.score_objective(edges, cells, prediction.T_ref_map, prediction.component),
-        "objective_floor": objective.score_objective(edges, cells, dataset.truth.T_world_map, together),
-    }
 
 
 def _map_scores(prediction: Prediction, errors: metrics.PlacementErrors) -> list[MapScore]:

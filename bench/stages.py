@@ -1,9 +1,13 @@
 """The stages of a cell: dataset, prediction, scores; each is cached on disk and refuses what another config made."""
 
+import functools
 import math
+import time
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import cv2
 
 from bench import code_version
 from bench.cell import Cell, DatasetSpec, MethodKind, MethodSpec, Outcome, hash_of
@@ -12,6 +16,7 @@ from bench.methods import call_method, python_methods
 from bench.prediction import PredictionError, read_prediction
 from bench.scores import score_failure, score_result
 from bench.store import Store
+from bench.yardstick import Yardstick, make_yardstick
 from sim.config import num_submaps, to_plain_dict
 from sim.dataset import make_dataset, read_dataset
 
@@ -78,9 +83,11 @@ def finish_prediction(store: Store, cell: Cell, retry_failed: bool) -> Outcome:
     if known and not (retry_failed and known["status"] != "ok"):
         return Outcome(**known)
     limits = Limits(cell.method.time_limit_s, cell.method.memory_limit_mb)
+    start = time.perf_counter()
     with store.fill(store.prediction(key)) as folder:
         arguments = (cell.method, store.dataset(dataset_key(cell.dataset)), cell.order, cell.seed, folder)
         outcome = run_isolated(call_method, arguments, limits)
+    outcome = replace(outcome, overhead_s=time.perf_counter() - start - outcome.wall_s)
     store.write("outcomes", key, asdict(outcome))
     return outcome
 
@@ -91,10 +98,12 @@ def finish_score(store: Store, cell: Cell, outcome: Outcome) -> ScoredCell:
     dataset, answer = store.dataset(dataset_key(cell.dataset)), store.prediction(prediction_key(cell)) / "result.json"
     document = store.read("scores", key)
     if document is None or document["outcome"] != _comparable(outcome):
-        done = run_isolated(_score, (dataset, answer, outcome, store, key), _OWN_LIMITS)
-        document = store.read("scores", key)
-        if done.status != "ok" or document is None:
-            return failed_cell(store, cell, replace(outcome, status="failed", reason=f"scoring: {done.reason}"))
+        try:
+            document = _score(dataset, answer, outcome)
+        except (ArithmeticError, ValueError, cv2.error, MemoryError) as error:
+            reason = f"scoring: {type(error).__name__}: {' '.join(str(error).split())}"
+            return failed_cell(store, cell, replace(outcome, status="failed", reason=reason))
+        store.write("scores", key, document)
     return ScoredCell(cell, document["score"], document["maps"], document["pairs"], dataset, answer)
 
 
@@ -111,18 +120,27 @@ def _make(spec: DatasetSpec, out: Path) -> None:
     make_dataset(spec.config, out)
 
 
-def _score(dataset_folder: Path, answer: Path, outcome: Outcome, store: Store, key: str) -> None:
-    dataset = read_dataset(dataset_folder)
+def _score(dataset_folder: Path, answer: Path, outcome: Outcome) -> dict[str, Any]:
+    start = time.perf_counter()
+    yardstick = _yardstick(dataset_folder)
+    names = yardstick.truth.names
     document: dict[str, Any] = {"outcome": _comparable(outcome), "maps": [], "pairs": []}
     try:
         if outcome.status == "ok":
-            score, maps, pairs = score_result(dataset, read_prediction(answer, dataset.truth.names), outcome)
+            score, maps, pairs = score_result(yardstick, read_prediction(answer, names), outcome)
             document |= {"maps": [asdict(m) for m in maps], "pairs": [asdict(p) for p in pairs]}
         else:
-            score = score_failure(len(dataset.maps), outcome)
+            score = score_failure(len(names), outcome)
     except PredictionError as error:
-        score = score_failure(len(dataset.maps), replace(outcome, status="failed", reason=str(error)))
-    store.write("scores", key, document | {"score": asdict(score)})
+        score = score_failure(len(names), replace(outcome, status="failed", reason=str(error)))
+    overhead_s = outcome.overhead_s + time.perf_counter() - start
+    return document | {"score": asdict(replace(score, runtime_overhead_s=overhead_s))}
+
+
+@functools.lru_cache(maxsize=4)
+def _yardstick(dataset_folder: Path) -> Yardstick:
+    """The yardstick of a dataset, kept while its methods answer."""
+    return make_yardstick(read_dataset(dataset_folder))
 
 
 def _comparable(outcome: Outcome) -> dict[str, Any]:

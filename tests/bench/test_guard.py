@@ -17,6 +17,7 @@ from bench.gate_tolerances import ANOTHER_MACHINE, COSTS, TOLERANCES
 from bench.methods import merge_config
 from bench.prediction import read_prediction
 from bench.scores import score_result
+from bench.yardstick import make_yardstick
 from merger import trimmed_icp
 from merger.pipeline import merge_maps
 from merger.result_json import to_json_dict
@@ -56,7 +57,7 @@ def score(dataset: Dataset, folder: Path, seed: int, workers: int = 1, **options
     result = merge_maps(list(dataset.maps), merge_config("paper", seed, workers, keys))
     (folder / "result.json").write_text(json.dumps(to_json_dict(result)))
     prediction = read_prediction(folder / "result.json", dataset.truth.names)
-    scores, _, _ = score_result(dataset, prediction, Outcome("ok", wall_s=1.0, reference_s=0.01))
+    scores, _, _ = score_result(make_yardstick(dataset), prediction, Outcome("ok"))
     numbers = {name: float(value) for name, value in asdict(scores).items() if isinstance(value, (bool, int, float))}
     return make_row({"dataset": "tim", "method": "paper", "seed": seed}, "ok", None, numbers)
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from bench import calibration, grid_metrics, objective, pair_metrics, relation_metrics
+from bench.nearest_other import nearest_other_m
 from bench.statistics import breaking_point, wilson_share
 from merger import se2
 from merger.edges import extract_edge_points
@@ -65,6 +66,22 @@ def test_the_objective_is_zero_where_two_maps_are_the_same_and_grows_with_a_shif
     assert objective.score_objective(edges, cells, moved, together) > 0.1
 
 
+@pytest.mark.parametrize("spread", ["round", "line", "point", "outlier"])
+def test_the_nearest_point_of_another_group_is_that_of_a_search_through_all(spread) -> None:
+    rng = np.random.default_rng(5)
+    points, group = rng.normal(0.0, 3.0, (300, 2)), rng.integers(0, 4, 300)
+    if spread == "line":
+        points[:, 1] = 0.0
+    elif spread == "point":
+        points[:] = points[0]
+    elif spread == "outlier":
+        points[0] = (1e6, -1e5)
+    apart = np.linalg.norm(points[:, None] - points[None], axis=2)
+    apart[group[:, None] == group[None]] = np.inf
+    np.testing.assert_allclose(nearest_other_m(points, group), apart.min(axis=1), rtol=1e-9, atol=1e-9)
+    assert np.isinf(nearest_other_m(points, np.zeros(300, dtype=np.int64))).all()
+
+
 def test_the_objective_of_trimmed_distances_follows_its_formula() -> None:
     distances = np.array([0.0, 1.0, 1.0, 10.0])
     expected = min(0.0, (2 / 3) / 0.75**3, 102 / 4)
@@ -85,14 +102,26 @@ def test_the_true_motions_reach_the_floor_of_the_objective(dataset) -> None:
 
 def test_grids_laid_by_the_truth_agree_with_the_true_map(dataset) -> None:
     truth = dataset.truth.T_world_map
-    scores = grid_metrics.score_grids(dataset.maps, truth, truth)
+    true = grid_metrics.lay_true_grid(dataset.maps, truth)
+    scores = grid_metrics.score_grids(true, truth)
     assert (scores.iou_occupied, scores.iou_free) == (1.0, 1.0)
     assert scores.acceptance > 0.9
     bent = truth.copy()
     bent[2, 1, 2] += 1.0
-    worse = grid_metrics.score_grids(dataset.maps, truth, bent)
+    worse = grid_metrics.score_grids(true, bent)
     assert worse.acceptance < scores.acceptance
     assert worse.iou_occupied < 0.9
+
+
+@pytest.mark.parametrize("shift_m", [3.0, 30.0, 3e4])
+def test_a_map_that_is_laid_beyond_the_true_map_costs_its_cells_twice(dataset, shift_m) -> None:
+    truth = dataset.truth.T_world_map
+    true = grid_metrics.lay_true_grid(dataset.maps, truth)
+    without, away = truth.copy(), truth.copy()
+    without[0] = np.nan
+    away[0, :2, 2] += (-shift_m, shift_m)
+    left_out, far_off = grid_metrics.score_grids(true, without), grid_metrics.score_grids(true, away)
+    assert far_off.iou_free < left_out.iou_free < 1.0
 
 
 def test_the_acceptance_index_counts_pairs_of_maps() -> None:
@@ -103,8 +132,9 @@ def test_the_acceptance_index_counts_pairs_of_maps() -> None:
 
 def test_votes_fall_where_the_cells_are(dataset) -> None:
     grid = dataset.maps[0]
-    raster = grid_metrics._raster_for([grid], np.eye(3)[None])
-    occupied, _ = grid_metrics.count_votes([grid], np.eye(3)[None], raster)
+    sheet = grid_metrics.make_sheet(grid)
+    raster = grid_metrics.lay_true_grid([grid], np.eye(3)[None]).raster
+    occupied, _ = grid_metrics.count_votes([sheet], np.eye(3)[None], raster)
     rows, cols = np.nonzero(occupied)
     centres = np.stack([raster.x_min_m + (cols + 0.5) * raster.cell_m, raster.y_min_m + (rows + 0.5) * raster.cell_m])
     cells = np.floor(grid.cells_from_points_map(centres.T)).astype(int)

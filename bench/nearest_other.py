@@ -1,0 +1,68 @@
+"""Distance of every point to the nearest point of another group, for all groups at once (numba).
+
+A k-d tree of "all the others" would have to be built anew for each group. Here all points are sorted into square bins
+once; a search looks at rings of bins around a point until no nearer point can follow.
+"""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+Array = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+_POINTS_PER_BIN = 2.0
+
+
+def nearest_other_m(points: Array, group: Integers) -> Array:
+    """Distance of each point to the nearest point of another group.
+
+    Args:
+        points: (N, 2) finite points of all groups in one frame, metres.
+        group: (N,) number of each point's group, at least 0.
+
+    Returns:
+        (N,) distances, metres; infinity where there is no other group.
+    """
+    if len(points) == 0 or (group == group[0]).all():
+        return np.full(len(points), math.inf)
+    low = points.min(axis=0)
+    size = np.maximum(points.max(axis=0) - low, 1e-9)
+    side = max(math.sqrt(size[0] * size[1] * _POINTS_PER_BIN / len(points)), float(size.max()) / len(points))
+    places = np.floor((points - low) / side).astype(np.int64)
+    rows, cols = int(places[:, 1].max()) + 1, int(places[:, 0].max()) + 1
+    bins = places[:, 1] * cols + places[:, 0]
+    order = np.argsort(bins, kind="stable")
+    starts = np.searchsorted(bins[order], np.arange(rows * cols + 1))
+    distances = np.empty(len(points))
+    _search((points - low)[order], group[order], starts, (rows, cols, side), distances)
+    result = np.empty(len(points))
+    result[order] = distances
+    return result
+
+
+@njit(cache=True, nogil=True)  # type: ignore[misc]  # numba has no types
+def _search(
+    points: Array, group: Integers, starts: Integers, layout: tuple[int, int, float], distances: Array
+) -> None:  # pragma: no cover  # compiled
+    rows, cols, side = layout
+    for k in range(len(points)):
+        x, y = points[k, 0], points[k, 1]
+        col, row = int(x / side), int(y / side)
+        margin = min(x - col * side, (col + 1) * side - x, y - row * side, (row + 1) * side - y)
+        best = np.inf
+        for ring in range(max(rows, cols)):
+            reach = max(margin, 0.0) + (ring - 1) * side  # nothing of this ring is nearer
+            if ring > 0 and best <= reach * reach:
+                break
+            for r in range(max(row - ring, 0), min(row + ring, rows - 1) + 1):
+                step = 1 if abs(r - row) == ring else max(2 * ring, 1)
+                for c in range(col - ring, col + ring + 1, step):
+                    if 0 <= c < cols:
+                        for m in range(starts[r * cols + c], starts[r * cols + c + 1]):
+                            if group[m] != group[k]:
+                                dx, dy = points[m, 0] - x, points[m, 1] - y
+                                best = min(best, dx * dx + dy * dy)
+        distances[k] = math.sqrt(best)
