@@ -86,6 +86,9 @@ def _make_many(overrides: list[str]) -> int:
     points = expand_sweep(conf_folder(), ROOT, overrides, GROUPS)
     items = [CollectionItem(point.label, build(SimConfig, point.config), point.parameters) for point in points]
     run = build(RunConfig, points[0].config)
+    swept = [key for key in points[0].parameters if key in RunConfig.__dataclass_fields__]
+    if swept:
+        raise ValueError(f"{swept[0]} is a setting of the whole run, and cannot be swept")
     for config in {(item.config.world, item.config.source): item.config for item in items}.values():
         check_source(config)
     out = Path(run.out or "out/collection")

@@ -1,6 +1,8 @@
 """Everything that makes a dataset, in one tree: the same tree and version give the same dataset, byte for byte."""
 
 import dataclasses
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum, StrEnum
 from pathlib import Path
@@ -106,6 +108,15 @@ class SimConfig:
             raise ValueError(f"num_robots must be >= 1, got {self.num_robots}")
         drive_config(self)
         check_lidar(self.lidar)
+        _check_finite("", to_plain_dict(self))
+
+
+def _check_finite(prefix: str, values: Mapping[str, Any]) -> None:
+    for key, value in values.items():
+        if isinstance(value, dict):
+            _check_finite(f"{prefix}{key}.", value)
+        elif isinstance(value, float) and not math.isfinite(value):
+            raise ValueError(f"{prefix}{key} must be finite, got {value}")
 
 
 def drive_config(config: SimConfig) -> DriveConfig:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hydra.core.override_parser.types import Override
+from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
@@ -45,9 +46,10 @@ def expand_sweep(conf: Path, root: str, overrides: Sequence[str], groups: Collec
     swept = [override for override in parsed if override.is_sweep_override()]
     if not swept:
         raise OverrideError("-m needs a sweep, such as seed=range(0,100) or world=tim,intel")
+    choices_of = [_words(override) for override in swept]
     composed: dict[tuple[str, ...], DictConfig] = {}
     points: dict[str, SweepPoint] = {}
-    for words in itertools.product(*(_words(override) for override in swept)):
+    for words in itertools.product(*choices_of):
         choices = tuple(word for word in words if word.partition("=")[0] in groups)
         if choices not in composed:
             composed[choices] = compose_config(conf, root, [*fixed, *choices])
@@ -63,8 +65,14 @@ def expand_sweep(conf: Path, root: str, overrides: Sequence[str], groups: Collec
 
 
 def _words(override: Override) -> list[str]:
-    """A swept override as the plain overrides that it stands for."""
-    return [f"{override.key_or_group}={value}" for value in override.sweep_string_iterator()]
+    """A swept override as the plain overrides that it stands for; at least one."""
+    try:
+        words = [f"{override.key_or_group}={value}" for value in override.sweep_string_iterator()]
+    except HydraException:
+        raise OverrideError(f"'{override.input_line}' is a sweep that is not known here: use a,b,c or range") from None
+    if not words:
+        raise OverrideError(f"'{override.input_line}' is an empty sweep")
+    return words
 
 
 def _value_text(word: str) -> str:
