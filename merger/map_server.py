@@ -23,6 +23,8 @@ from merger.whole_file import write_whole
 
 _PIXEL_OCCUPIED, _PIXEL_FREE, _PIXEL_UNKNOWN = 0, 254, 205
 _MODES = ("trinary", "scale", "raw")
+_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+"""Safe, and ten times as fast where libyaml is there."""
 
 
 class MapFileError(ValueError):
@@ -111,7 +113,7 @@ def _read_yaml(path: Path) -> dict[str, Any]:
     if not text.strip():
         raise MapFileError(f"{path}: the file is empty")
     try:
-        document = yaml.safe_load(text)
+        document = yaml.load(text, Loader=_LOADER)
     except yaml.YAMLError as error:
         raise MapFileError(f"{path}: not YAML ({' '.join(str(error).split())})") from None
     if not isinstance(document, dict):
@@ -172,8 +174,16 @@ def _decode(data: bytes) -> npt.NDArray[Any] | None:
 
 
 def _log_odds_from_pixels(pixels: npt.NDArray[np.uint8], header: _Header) -> npt.NDArray[np.float32]:
-    """Log-odds by map_server's rules, still with the image's row order."""
-    grey = pixels[:, :, 0]
+    """Log-odds by map_server's rules, still with the image's row order: one look-up a pixel."""
+    log_odds = _log_odds_of_greys(header)[pixels[:, :, 0]]
+    if pixels.shape[2] == 2:
+        log_odds[pixels[:, :, 1] < 255] = 0.0
+    return log_odds
+
+
+def _log_odds_of_greys(header: _Header) -> npt.NDArray[np.float32]:
+    """(256,) what each grey value means."""
+    grey = np.arange(256)
     if header.mode == "raw":
         occupancy = np.where(grey <= 100, grey / 100.0, 0.5)
         occupied, free = occupancy >= header.occupied_probability, occupancy <= header.free_probability
@@ -182,7 +192,4 @@ def _log_odds_from_pixels(pixels: npt.NDArray[np.uint8], header: _Header) -> npt
         occupied, free = occupancy > header.occupied_probability, occupancy < header.free_probability
     if header.mode == "trinary":
         occupancy = np.full(grey.shape, 0.5)
-    log_odds = grid_map.log_odds_from_probability(occupancy, occupied, free)
-    if pixels.shape[2] == 2:
-        log_odds[pixels[:, :, 1] < 255] = 0.0
-    return log_odds
+    return grid_map.log_odds_from_probability(occupancy, occupied, free)
