@@ -131,10 +131,9 @@ def acceptance_index(occupied: Votes, free: Votes) -> tuple[float, int]:
         occupied: (H, W) how many maps call a cell occupied.
         free: (H, W) how many call it free.
     """
-    shared = np.flatnonzero(occupied + free > 1)
-    o, f = occupied.reshape(-1)[shared].astype(np.int64), free.reshape(-1)[shared].astype(np.int64)
-    agree = int((o * (o - 1) // 2 + f * (f - 1) // 2).sum())
-    disagree = int((o * f).sum())
+    o, f = (votes.reshape(-1).astype(np.float64) for votes in (occupied, free))
+    agree = int(o @ o - o.sum() + f @ f - f.sum()) // 2  # n * (n - 1) / 2 pairs of n votes
+    disagree = int(o @ f)
     total = agree + disagree
     return (agree / total if total else math.nan), total
 

@@ -43,10 +43,8 @@ def nearest_other_m(points: Array, group: Integers) -> Array:
     return result
 
 
-@njit(cache=True, nogil=True)  # type: ignore[misc]  # numba has no types
-def _search(
-    points: Array, group: Integers, starts: Integers, layout: tuple[int, int, float], distances: Array
-) -> None:  # pragma: no cover  # compiled
+@njit(cache=True, nogil=True)
+def _search(points: Array, group: Integers, starts: Integers, layout: tuple[int, int, float], distances: Array) -> None:
     rows, cols, side = layout
     for k in range(len(points)):
         x, y = points[k, 0], points[k, 1]

@@ -49,7 +49,11 @@ def pair_errors(pair: PredictedPair, T_world_map: Array) -> tuple[float, float]:
 
 def is_right(pair: PredictedPair, T_world_map: Array) -> bool:
     """Whether the pair has a motion within 0.5 m and 3 degrees of the true one; false without a motion."""
-    error_m, error_deg = pair_errors(pair, T_world_map)
+    return within_bounds(*pair_errors(pair, T_world_map))
+
+
+def within_bounds(error_m: float, error_deg: float) -> bool:
+    """Whether these errors, metres and degrees, are those of a right motion; false for NaN."""
     return error_m <= RIGHT_WITHIN_M and error_deg <= RIGHT_WITHIN_DEG
 
 
@@ -61,15 +65,16 @@ def score_pairs(prediction: Prediction, T_world_map: Array, overlap: Array) -> P
         T_world_map: (N, 3, 3) true poses of the maps.
         overlap: (N, N) true overlap; a pair counts as overlapping by the larger of its two directions.
     """
-    found = [pair for pair in prediction.pairs if pair.T_target_source is not None]
-    reliable = [pair for pair in found if pair.status == "reliable"]
+    found = [(pair, is_right(pair, T_world_map)) for pair in prediction.pairs if pair.T_target_source is not None]
+    reliable = [(pair, right) for pair, right in found if pair.status == "reliable"]
     if not prediction.pairs:
         return PairScores(math.nan, math.nan, math.nan, math.nan, 0, 0)
+    wanted = overlapping_pairs(overlap)
     return PairScores(
-        edge_precision=_precision(reliable, T_world_map),
-        edge_recall=_recall(reliable, T_world_map, overlap),
-        edge_precision_initial=_precision(found, T_world_map),
-        edge_recall_initial=_recall(found, T_world_map, overlap),
+        edge_precision=_precision(reliable),
+        edge_recall=_recall(reliable, wanted),
+        edge_precision_initial=_precision(found),
+        edge_recall_initial=_recall(found, wanted),
         num_edges=len(reliable),
         num_edges_initial=len(found),
     )
@@ -81,15 +86,10 @@ def overlapping_pairs(overlap: Array) -> set[tuple[int, int]]:
     return {(int(i), int(j)) for i, j in zip(rows, cols, strict=True)}
 
 
-def _precision(pairs: list[PredictedPair], T_world_map: Array) -> float:
-    return sum(is_right(pair, T_world_map) for pair in pairs) / len(pairs) if pairs else math.nan
+def _precision(pairs: list[tuple[PredictedPair, bool]]) -> float:
+    return sum(right for _, right in pairs) / len(pairs) if pairs else math.nan
 
 
-def _recall(pairs: list[PredictedPair], T_world_map: Array, overlap: Array) -> float:
-    wanted = overlapping_pairs(overlap)
-    right = {_key(pair) for pair in pairs if is_right(pair, T_world_map)}
+def _recall(pairs: list[tuple[PredictedPair, bool]], wanted: set[tuple[int, int]]) -> float:
+    right = {(min(pair.target, pair.source), max(pair.target, pair.source)) for pair, is_right in pairs if is_right}
     return len(wanted & right) / len(wanted) if wanted else math.nan
-
-
-def _key(pair: PredictedPair) -> tuple[int, int]:
-    return min(pair.target, pair.source), max(pair.target, pair.source)

@@ -214,7 +214,7 @@ def _pair_scores(
                 overlap_true=float(max(overlap[pair.target, pair.source], overlap[pair.source, pair.target])),
                 error_m=error_m,
                 error_deg=error_deg,
-                right=pair_metrics.is_right(pair, T_world_map),
+                right=pair_metrics.within_bounds(error_m, error_deg),
                 num_matches=pair.num_matches,
                 num_inliers=pair.num_inliers,
                 agreement=pair.agreement,
