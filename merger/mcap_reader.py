@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from mcap.exceptions import McapError
-from mcap.reader import make_reader
+from mcap.reader import NonSeekingReader, make_reader
 from mcap.records import Channel, Message, Schema
 from mcap.summary import Summary
 from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
@@ -56,6 +56,9 @@ def _find_latest(path: Path) -> _Latest:
         with path.open("rb") as stream:
             reader = make_reader(stream, validate_crcs=True)
             topics = _list_grid_topics(reader.get_summary())
+            if topics is None:
+                stream.seek(0)
+                reader = NonSeekingReader(stream, validate_crcs=True)
             for schema, channel, message in reader.iter_messages(topics=topics, log_time_order=False):
                 if schema is not None and schema.name in _GRID_TYPES:
                     known = latest.get(channel.topic)
@@ -69,8 +72,8 @@ def _find_latest(path: Path) -> _Latest:
 
 
 def _list_grid_topics(summary: Summary | None) -> list[str] | None:
-    """The topics to read, so that chunks of scans alone are skipped; None, all, for a file without a summary."""
-    if summary is None or not summary.channels:
+    """The topics to read, so that chunks of scans alone are skipped; None, all, for a file without a whole summary."""
+    if summary is None or not summary.channels or not summary.schemas:
         return None
     grids = {number for number, schema in summary.schemas.items() if schema.name in _GRID_TYPES}
     return [channel.topic for channel in summary.channels.values() if channel.schema_id in grids]

@@ -2,7 +2,7 @@ import json
 
 import numpy as np
 import pytest
-from mcap.writer import Writer
+from mcap.writer import CompressionType, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from merger import se2
@@ -18,14 +18,14 @@ def _result(out):
     return json.loads((out / "result.json").read_text())
 
 
-def _write_recording(path, grids, library="someone"):
+def _write_recording(path, grids, library="someone", **options):
     """OccupancyGrids ``{topic: [GridMap, ...]}``, the latest last, as ROS 2 would record them."""
     store = get_typestore(Stores.ROS2_HUMBLE)
     kind = "nav_msgs/msg/OccupancyGrid"
     make = store.types
     stamp = make["builtin_interfaces/msg/Time"](sec=1, nanosec=2)
     with path.open("wb") as stream:
-        writer = Writer(stream)
+        writer = Writer(stream, **options)
         writer.start(profile="ros2", library=library)
         text = store.generate_msgdef(kind, ros_version=2)[0].encode()
         schema = writer.register_schema(name=kind, encoding="ros2msg", data=text)
@@ -78,6 +78,20 @@ def test_topics_with_the_same_last_word_give_whole_topics_as_names(three_maps, t
     topics = {"/robot_1/map": [three_maps[0][0]], "/robot_2/map": [three_maps[0][1]]}
     _write_recording(tmp_path / "r.mcap", topics)
     assert [grid.name for grid in read_recording(tmp_path / "r.mcap")] == ["robot_1_map", "robot_2_map"]
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"compression": CompressionType.LZ4},
+        {"use_chunking": False},
+        {"repeat_schemas": False, "repeat_channels": False},
+        {"repeat_schemas": False},
+    ],
+)
+def test_recordings_are_read_however_they_are_packed(three_maps, tmp_path, options):
+    _write_recording(tmp_path / "r.mcap", {"/a": [three_maps[0][0]], "/b": [three_maps[0][1]]}, **options)
+    assert [grid.name for grid in read_recording(tmp_path / "r.mcap")] == ["a", "b"]
 
 
 def test_the_true_map_alone_is_a_map_like_any_other(three_maps, tmp_path):
