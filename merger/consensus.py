@@ -3,10 +3,11 @@
 Two groups of maps are joined by the motion that is most probable when all maps of the one are compared with all maps
 of the other, as one map with one map, against the best rival motion. A motion that looks right between two maps but
 contradicts their neighbours' free space dies here; a motion that two maps alone leave open is decided by the rest.
-Nothing is joined below a fixed probability: what is left stays apart, with its reason.
+Nothing is joined below a fixed probability, nor below a higher one if no cycle confirms the motion: what is left stays
+apart, with its reason.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -16,13 +17,18 @@ from merger import se2
 from merger.compositing import CompositingConfig, composite_maps
 from merger.grid_map import GridMap
 from merger.hypotheses import HypothesesConfig, Hypothesis, is_same_motion, judge_motions
+from merger.map_group import Group, PairHypotheses, is_confirmed, voices_between
 from merger.wall_alignment import AlignmentConfig, align_walls
 from merger.wall_structure import WallStructure, WallStructureConfig, extract_structure
 
 Array = npt.NDArray[np.float64]
 
-PairHypotheses = dict[tuple[int, int], tuple[Hypothesis, ...]]
-"""Motions in question of each pair ``(i, j)``, i < j: j moves onto i."""
+Key = tuple[int, ...]
+"""The members of a group."""
+Judged = dict[tuple[Key, Key], tuple[Hypothesis, ...]]
+"""Motions between groups that were judged."""
+Watch = Callable[[Group, Group, Sequence[Hypothesis]], None]
+"""Told of two groups and of the motions between them that were judged."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +45,10 @@ class ConsensusConfig:
     """How the motions of two maps are found and judged."""
     min_log_odds: float = 2.5
     """Groups are joined only by motions at least so probable."""
+    bridge_log_odds: float = 4.0
+    """The same for a motion that no cycle confirms, at least ``min_log_odds``."""
+    voice_log_odds: float = -2.0
+    """Motions of two maps at least so probable close cycles."""
     plausible_log_odds: float = -6.0
     """Motions of two maps below it are not tried between groups, below ``min_log_odds``."""
     num_tried: int = 4
@@ -52,20 +62,10 @@ class ConsensusConfig:
         """Refuse values out of range."""
         if not self.plausible_log_odds < self.min_log_odds:
             raise ValueError(f"plausible_log_odds must be < {self.min_log_odds}, got {self.plausible_log_odds}")
+        if not self.bridge_log_odds >= self.min_log_odds:
+            raise ValueError(f"bridge_log_odds must be >= {self.min_log_odds}, got {self.bridge_log_odds}")
         if self.num_tried < 1:
             raise ValueError(f"num_tried must be >= 1, got {self.num_tried}")
-
-
-@dataclass(frozen=True)
-class Group:
-    """Maps that lie fixed to each other."""
-
-    members: tuple[int, ...]
-    """Numbers of the maps, rising; the first one's frame is the group's."""
-    T_group_map: Array
-    """(M, 3, 3) their motions."""
-    structure: WallStructure
-    """Walls and free space of all members together, frame ``map`` of the first."""
 
 
 @dataclass(frozen=True)
@@ -97,6 +97,7 @@ def grow_groups(
     structures: Sequence[WallStructure],
     hypotheses: PairHypotheses,
     config: ConsensusConfig,
+    watch: Watch = lambda a, b, motions: None,
 ) -> Agreement:
     """Join maps into groups, the surest motion first.
 
@@ -105,22 +106,16 @@ def grow_groups(
         structures: Their N structures.
         hypotheses: Motions in question of all pairs.
         config: The settings.
+        watch: Told of every two groups, and the motions between them, that are judged beyond single maps.
 
     Returns:
         The groups and how they came about.
     """
-    groups: dict[tuple[int, ...], Group] = {
-        (i,): Group((i,), np.eye(3)[None], item) for i, item in enumerate(structures)
-    }
-    best: dict[tuple[tuple[int, ...], tuple[int, ...]], tuple[Hypothesis, ...]]
-    best = {((i,), (j,)): items for (i, j), items in hypotheses.items() if items}
+    groups: dict[Key, Group] = {(i,): Group((i,), np.eye(3)[None], item) for i, item in enumerate(structures)}
+    best: Judged = {((i,), (j,)): items for (i, j), items in hypotheses.items() if items}
     joins = []
-    while best:
-        (a, b), motion = max(
-            ((key, _surest(items)) for key, items in best.items()), key=lambda m: (m[1].log_odds, m[0])
-        )
-        if motion.log_odds < config.min_log_odds:
-            break
+    while (step := _next_step(groups, best, hypotheses, config)) is not None:
+        a, b, motion = step
         joined = _join(groups.pop(a), groups.pop(b), motion.T_target_source)
         if groups:
             joined = _describe(joined, maps, config.structure)
@@ -131,10 +126,38 @@ def grow_groups(
             found = _try_motions(*pair, hypotheses, config)
             if found:
                 best[(pair[0].members, pair[1].members)] = found
+                watch(*pair, found)
         groups[joined.members] = joined
     ordered = sorted(groups.values(), key=lambda group: (-len(group.members), group.members))
     remaining = tuple((a, b, _surest(items)) for (a, b), items in sorted(best.items()))
     return Agreement(tuple(ordered), tuple(joins), remaining)
+
+
+def _next_step(
+    groups: dict[Key, Group], best: Judged, hypotheses: PairHypotheses, config: ConsensusConfig
+) -> tuple[Key, Key, Hypothesis] | None:
+    """The surest motion that may join two groups; None if there is none left."""
+    surest = sorted(((_surest(items), key) for key, items in best.items()), key=lambda m: (m[0].log_odds, m[1]))
+    for motion, (a, b) in reversed(surest):
+        if motion.log_odds < config.min_log_odds:
+            return None
+        if motion.log_odds >= config.bridge_log_odds:
+            return a, b, motion
+        direct = voices_between(groups[a], groups[b], hypotheses, config.voice_log_odds)
+        detours = _detours(groups, a, b, hypotheses, config)
+        if is_confirmed(motion.T_target_source, direct, detours, groups[b].structure.center_map, config.pairs):
+            return a, b, motion
+    return None
+
+
+def _detours(
+    groups: dict[Key, Group], a: Key, b: Key, hypotheses: PairHypotheses, config: ConsensusConfig
+) -> Iterator[Array]:
+    """Motions of one group into another that lead over a third one."""
+    for key in groups.keys() - {a, b}:
+        second = voices_between(groups[key], groups[b], hypotheses, config.voice_log_odds)
+        first = voices_between(groups[a], groups[key], hypotheses, config.voice_log_odds) if second else []
+        yield from (one.T_a_b @ other.T_a_b for one in first for other in second)
 
 
 def _surest(motions: Sequence[Hypothesis]) -> Hypothesis:
@@ -163,12 +186,8 @@ def _describe(group: Group, maps: Sequence[GridMap], config: WallStructureConfig
 
 def _try_motions(a: Group, b: Group, hypotheses: PairHypotheses, config: ConsensusConfig) -> tuple[Hypothesis, ...]:
     """Judge the motions in question between two groups, all maps of both at once."""
-    proposed = []
-    for (i, T_a_i), (j, T_b_j) in _cross(a, b):
-        for hypothesis in hypotheses.get((min(i, j), max(i, j)), ()):
-            T_i_j = hypothesis.T_target_source if i < j else se2.invert(hypothesis.T_target_source)
-            if hypothesis.log_odds >= config.plausible_log_odds:
-                proposed.append((hypothesis.score_m, T_a_i @ T_i_j @ se2.invert(T_b_j)))
+    voices = voices_between(a, b, hypotheses, config.plausible_log_odds)
+    proposed = [(voice.hypothesis.score_m, voice.T_a_b) for voice in voices]
     proposed.sort(key=lambda item: -item[0])
     center_b = b.structure.center_map
     kept: list[Array] = []
@@ -181,12 +200,3 @@ def _try_motions(a: Group, b: Group, hypotheses: PairHypotheses, config: Consens
         if not any(is_same_motion(T, other, center_b, config.pairs) for other in distinct):
             distinct.append(T)
     return judge_motions(a.structure, b.structure, distinct, config.pairs)
-
-
-def _cross(a: Group, b: Group) -> list[tuple[tuple[int, Array], tuple[int, Array]]]:
-    """Every map of one group with every map of the other, with their motions in the groups."""
-    return [
-        ((i, T_a_i), (j, T_b_j))
-        for i, T_a_i in zip(a.members, a.T_group_map, strict=True)
-        for j, T_b_j in zip(b.members, b.T_group_map, strict=True)
-    ]

@@ -63,7 +63,8 @@ def make_colours(count: int) -> list[tuple[int, int, int]]:
 def _to_pixels(merged: GridMap, grid: GridMap, placement: MapPlacement, scale: float) -> npt.NDArray[np.intp]:
     """(N, 2) x and y, upwards, of the map's occupied cells in the picture."""
     T_ref_map = np.eye(3) if placement.T_ref_map is None else placement.T_ref_map
-    points_ref = se2.transform_points(T_ref_map, grid.cell_centers(grid.occupied))
+    points_map = grid.cell_centers(grid.occupied) * (placement.scale or 1.0)
+    points_ref = se2.transform_points(T_ref_map, points_map)
     return np.asarray(np.floor(merged.cells_from_points_map(points_ref)[:, ::-1] * scale).astype(np.intp))
 
 

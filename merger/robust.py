@@ -7,8 +7,9 @@ from merger.assembly import composite_largest
 from merger.consensus import grow_groups
 from merger.grid_map import GridMap
 from merger.merge_config import MergeConfig, Progress
+from merger.pair_answer import Findings, judge_pairs, measure_objective
 from merger.result import MergeResult
-from merger.robust_answer import Findings, judge_pairs, measure_objective, place_groups
+from merger.robust_answer import place_groups
 from merger.robust_stages import describe_maps, refine_groups, search_all_pairs
 from merger.scale_estimation import estimate_scales, scale_map
 from merger.stage_clock import StageClock

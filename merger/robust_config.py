@@ -9,7 +9,11 @@ from merger.robust_averaging import RobustAveragingConfig
 
 @dataclass(frozen=True)
 class RobustConfig:
-    """Settings of `merger.robust.merge_robustly`."""
+    """Settings of `merger.robust.merge_robustly`.
+
+    Raises:
+        ValueError: a setting is out of its range.
+    """
 
     consensus: ConsensusConfig = field(default_factory=ConsensusConfig)
     """What is found, how it is judged, and what is joined."""
@@ -21,3 +25,10 @@ class RobustConfig:
     """Whether to average relative motions (off: an ablation)."""
     refine_jointly: bool = True
     """Whether to refine all maps at once (off: an ablation)."""
+    min_shared: float = 0.05
+    """Share of the smaller map's walls that two placed maps have in common if their pair is reliable, in [0, 1]."""
+
+    def __post_init__(self) -> None:
+        """Refuse values out of range."""
+        if not 0.0 <= self.min_shared <= 1.0:
+            raise ValueError(f"min_shared must be in [0, 1], got {self.min_shared}")

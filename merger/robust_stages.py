@@ -8,11 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from merger import se2
-from merger.consensus import Agreement, PairHypotheses
+from merger.consensus import Agreement
 from merger.dense_search import CoarseMap, coarsen, search_motions
 from merger.grid_map import GridMap
 from merger.hypotheses import Hypothesis, find_hypotheses, is_same_motion
 from merger.joint_refinement import refine_jointly
+from merger.map_group import PairHypotheses
 from merger.merge_config import MergeConfig, Progress
 from merger.motion_graph import MotionGraph
 from merger.robust_averaging import average_robustly
