@@ -8,10 +8,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
+from bench.vote_kernel import FREE, OCCUPIED, add_votes
 from merger import se2
 from merger.grid_map import GridMap
 
@@ -21,8 +21,6 @@ Mask = npt.NDArray[np.bool_]
 
 MAX_CELLS = 4_000_000
 """Largest raster; wilder placements are scored on coarser cells."""
-
-_OCCUPIED, _FREE = 1, 2
 
 
 @dataclass(frozen=True)
@@ -149,7 +147,7 @@ def iou(mask: Mask, mask_true: Mask) -> float:
 
 def make_sheet(grid: GridMap) -> Sheet:
     """The part of a map that is known; the whole of it where nothing is."""
-    marks = grid.occupied * np.uint8(_OCCUPIED) + grid.free * np.uint8(_FREE)
+    marks = grid.occupied * np.uint8(OCCUPIED) + grid.free * np.uint8(FREE)
     rows, cols = np.flatnonzero(marks.any(axis=1)), np.flatnonzero(marks.any(axis=0))
     if not len(rows):
         return Sheet(marks, grid.resolution_m, grid.T_map_grid)
@@ -162,11 +160,11 @@ def count_votes(sheets: Sequence[Sheet], T_world_map: Array, raster: Raster) -> 
     """How many maps call each raster cell occupied, and how many free: two (rows, cols) arrays, row 0 at smallest y."""
     occupied = np.zeros((raster.rows, raster.cols), dtype=np.uint16)
     free = np.zeros_like(occupied)
+    T_raster_world = se2.make_motion(-raster.x_min_m, -raster.y_min_m, 0.0)
     for sheet, T in zip(sheets, T_world_map, strict=True):
-        window = _window(sheet.corners_world(T), raster)
-        marks = _warp(sheet, T, raster, window)
-        occupied[window] += marks == _OCCUPIED
-        free[window] += marks == _FREE
+        T_sheet_raster = se2.invert(T_raster_world @ T @ sheet.T_map_sheet) / sheet.resolution_m
+        T_sheet_raster[:2, :2] *= raster.cell_m
+        add_votes(sheet.marks, T_sheet_raster, _window(sheet.corners_world(T), raster), occupied, free)
     return occupied, free
 
 
@@ -176,27 +174,12 @@ def _classify(occupied: Votes, free: Votes) -> tuple[Mask, Mask]:
     return walls, (free > 0) & ~walls
 
 
-def _window(corners_world: Array, raster: Raster) -> tuple[slice, slice]:
-    """The rows and columns of a raster that points may touch."""
+def _window(corners_world: Array, raster: Raster) -> tuple[int, int, int, int]:
+    """First and last row, first and last column of a raster that points may touch."""
     cells = (corners_world - [raster.x_min_m, raster.y_min_m]) / raster.cell_m
-    low, high = np.floor(cells.min(axis=0)).astype(int) - 1, np.ceil(cells.max(axis=0)).astype(int) + 1
-    (left, below), (right, above) = np.maximum(low, 0), np.maximum(np.minimum(high, [raster.cols, raster.rows]), 0)
-    return slice(min(below, above), above), slice(min(left, right), right)
-
-
-def _warp(sheet: Sheet, T_world_map: Array, raster: Raster, window: tuple[slice, slice]) -> npt.NDArray[np.uint8]:
-    """Sample a map at the centres of a window's cells (nearest cell)."""
-    rows, cols = window
-    if rows.start == rows.stop or cols.start == cols.stop:
-        return np.zeros((rows.stop - rows.start, cols.stop - cols.start), dtype=np.uint8)
-    x_m, y_m = raster.x_min_m + cols.start * raster.cell_m, raster.y_min_m + rows.start * raster.cell_m
-    T_window_sheet = se2.make_motion(-x_m, -y_m, 0.0) @ T_world_map @ sheet.T_map_sheet
-    A = np.empty((2, 3))
-    A[:, :2] = T_window_sheet[:2, :2] * (sheet.resolution_m / raster.cell_m)
-    A[:, 2] = T_window_sheet[:2, 2] / raster.cell_m + A[:, :2] @ [0.5, 0.5] - 0.5
-    size = (cols.stop - cols.start, rows.stop - rows.start)
-    warped = cv2.warpAffine(sheet.marks, A, size, flags=cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT)
-    return np.asarray(warped, dtype=np.uint8)
+    left, below = np.maximum(np.floor(cells.min(axis=0)), 0.0)
+    right, above = np.minimum(np.ceil(cells.max(axis=0)), [raster.cols, raster.rows])
+    return int(below), int(above), int(left), int(right)
 
 
 def _raster_for(sheets: Sequence[Sheet], T_world_map: Array) -> Raster:

@@ -31,24 +31,20 @@ def nearest_other_m(points: Array, group: Integers) -> Array:
     low = points.min(axis=0)
     size = np.maximum(points.max(axis=0) - low, 1e-9)
     side = max(math.sqrt(size[0] * size[1] * _POINTS_PER_BIN / len(points)), float(size.max()) / len(points))
-    places = np.floor((points - low) / side).astype(np.int64)
-    rows, cols = int(places[:, 1].max()) + 1, int(places[:, 0].max()) + 1
-    bins = places[:, 1] * cols + places[:, 0]
-    order = np.argsort(bins, kind="stable")
-    starts = np.searchsorted(bins[order], np.arange(rows * cols + 1))
+    cols, rows = (int(n) + 1 for n in size // side)
+    starts, order = _sort_into_bins(points - low, (rows, cols, side))
     distances = np.empty(len(points))
-    _search((points - low)[order], group[order], starts, (rows, cols, side), distances)
-    result = np.empty(len(points))
-    result[order] = distances
-    return result
+    distances[order] = _search((points - low)[order], group[order], starts, (rows, cols, side))
+    return distances
 
 
 @njit(cache=True, nogil=True)
-def _search(points: Array, group: Integers, starts: Integers, layout: tuple[int, int, float], distances: Array) -> None:
+def _search(points: Array, group: Integers, starts: Integers, layout: tuple[int, int, float]) -> Array:
     rows, cols, side = layout
+    distances = np.empty(len(points))
     for k in range(len(points)):
         x, y = points[k, 0], points[k, 1]
-        col, row = int(x / side), int(y / side)
+        col, row = min(int(x / side), cols - 1), min(int(y / side), rows - 1)
         margin = min(x - col * side, (col + 1) * side - x, y - row * side, (row + 1) * side - y)
         best = np.inf
         for ring in range(max(rows, cols)):
@@ -64,3 +60,22 @@ def _search(points: Array, group: Integers, starts: Integers, layout: tuple[int,
                                 dx, dy = points[m, 0] - x, points[m, 1] - y
                                 best = min(best, dx * dx + dy * dy)
         distances[k] = math.sqrt(best)
+    return distances
+
+
+@njit(cache=True, nogil=True)
+def _sort_into_bins(points: Array, layout: tuple[int, int, float]) -> tuple[Integers, Integers]:
+    """Where each bin begins, and the numbers of the points, bin by bin."""
+    rows, cols, side = layout
+    bins = np.empty(len(points), dtype=np.int64)
+    starts = np.zeros(rows * cols + 1, dtype=np.int64)
+    for k in range(len(points)):
+        col, row = min(int(points[k, 0] / side), cols - 1), min(int(points[k, 1] / side), rows - 1)
+        bins[k] = row * cols + col
+        starts[bins[k] + 1] += 1
+    starts = np.cumsum(starts)
+    place, order = starts[:-1].copy(), np.empty(len(points), dtype=np.int64)
+    for k in range(len(points)):
+        order[place[bins[k]]] = k
+        place[bins[k]] += 1
+    return starts, order

@@ -130,16 +130,27 @@ def test_the_acceptance_index_counts_pairs_of_maps() -> None:
     assert (index, count) == (4 / 5, 5)
 
 
-def test_votes_fall_where_the_cells_are(dataset) -> None:
-    grid = dataset.maps[0]
-    sheet = grid_metrics.make_sheet(grid)
-    raster = grid_metrics.lay_true_grid([grid], np.eye(3)[None]).raster
-    occupied, _ = grid_metrics.count_votes([sheet], np.eye(3)[None], raster)
-    rows, cols = np.nonzero(occupied)
-    centres = np.stack([raster.x_min_m + (cols + 0.5) * raster.cell_m, raster.y_min_m + (rows + 0.5) * raster.cell_m])
-    cells = np.floor(grid.cells_from_points_map(centres.T)).astype(int)
-    assert len(rows) > 100
-    assert grid.occupied[cells[:, 0], cells[:, 1]].all()
+@pytest.mark.parametrize("theta", [0.0, 1e-18, 0.3, np.pi / 2, -2.5])
+def test_every_raster_cell_gets_the_votes_of_the_map_cells_at_its_centre(dataset, theta) -> None:
+    maps, T_world_map = (
+        dataset.maps[:2],
+        np.stack([se2.make_motion(3.0, -1.0, theta), se2.make_motion(5.0, 2.0, theta)]),
+    )
+    raster = grid_metrics.lay_true_grid(maps, T_world_map).raster
+    votes = grid_metrics.count_votes([grid_metrics.make_sheet(m) for m in maps], T_world_map, raster)
+    cols, rows = np.meshgrid(np.arange(raster.cols) + 0.5, np.arange(raster.rows) + 0.5)
+    centres = np.stack([raster.x_min_m + cols * raster.cell_m, raster.y_min_m + rows * raster.cell_m], axis=-1)
+    expected = np.zeros((2, raster.rows, raster.cols), dtype=int)
+    for grid, T in zip(maps, T_world_map, strict=True):
+        at = np.floor(grid.cells_from_points_map(se2.transform_points(se2.invert(T), centres.reshape(-1, 2)))).astype(
+            int
+        )
+        inside = np.flatnonzero(np.all((at >= 0) & (at < grid.log_odds.shape), axis=1))
+        for layer, mask in zip(expected, (grid.occupied, grid.free), strict=True):
+            layer.reshape(-1)[inside] += mask[tuple(at[inside].T)]
+    different = np.count_nonzero(expected != np.stack(votes))
+    assert different <= 1e-4 * expected.size  # centres on the border of two cells
+    assert expected.sum() > 100
 
 
 def test_honest_confidences_have_no_calibration_error() -> None:
