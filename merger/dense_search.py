@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 import numpy.typing as npt
-import scipy.fft
 
 from merger import se2
 from merger.peak_kernel import find_peaks
@@ -26,6 +25,12 @@ Spectrum = npt.NDArray[np.complex64]
 
 _CORE_QUANTILES = (0.01, 0.99)
 """The walls between these quantiles are searched."""
+_NOTHING = 1e-3
+"""Rewards smaller than this are none."""
+_HARMONICS = np.arange(33)
+"""Of the directions of a map's walls, which repeat after half a turn."""
+_PARALLEL_RAD = np.radians(3.0)
+"""Walls that differ by about this are parallel."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +49,8 @@ class DenseSearchConfig:
     """Cost of a wall in free space relative to the gain of a wall on a wall, >= 0."""
     free_width_cells: float = 1.0
     """Free space nearer to a wall than about this counts less: rotations and shifts are tried in steps; > 0."""
+    min_parallel: float = 0.4
+    """Rotations that lay fewer walls parallel, relative to the best one, are not tried, in [0, 1]; 0: all are."""
     num_peaks: int = 24
     """Hypotheses to return, at least 1."""
     num_peaks_rotation: int = 6
@@ -60,13 +67,16 @@ class DenseSearchConfig:
             raise ValueError(f"step_deg must be in (0, 90], got {self.step_deg}")
         if not self.free_weight >= 0.0:
             raise ValueError(f"free_weight must be >= 0, got {self.free_weight}")
+        if not 0.0 <= self.min_parallel <= 1.0:
+            raise ValueError(f"min_parallel must be in [0, 1], got {self.min_parallel}")
         if min(self.num_peaks, self.num_peaks_rotation) < 1:
             raise ValueError("num_peaks and num_peaks_rotation must be >= 1")
 
     @property
     def angles_rad(self) -> Array:
-        """(R,) rotations that are tried."""
-        return np.arange(0.0, 2.0 * np.pi - 1e-9, np.radians(self.step_deg))
+        """(R,) rotations that are tried: those of the first half turn, then the same turned by half a turn."""
+        half = np.arange(0.0, np.pi - 1e-9, np.radians(self.step_deg))
+        return np.concatenate([half, half + np.pi])
 
 
 @dataclass(frozen=True)
@@ -77,8 +87,20 @@ class CoarseMap:
     """(S, S) share of each cell that is wall."""
     reward: Image
     """(S, S) what a wall in this cell is worth: 1 on a wall, ``-free_weight`` in free space, 0 in the unknown."""
+    directions: npt.NDArray[np.complex128]
+    """(33,) Fourier coefficients of the wall length by direction."""
     T_map_center: Array
     """(3, 3) pose of its frame ``center`` in frame ``map``: origin in the middle, axes along the cells."""
+
+
+@dataclass(frozen=True)
+class _Crop:
+    """The part of a target that is worth its time."""
+
+    walls: Image
+    reward: Image
+    first_row: int
+    first_col: int
 
 
 @dataclass(frozen=True)
@@ -93,29 +115,50 @@ class Peak:
 
 def coarsen(structure: WallStructure, config: DenseSearchConfig) -> CoarseMap:
     """Reduce a map to the cells of the dense search."""
-    walls, resolution_m = structure.walls, structure.fields.resolution_m
-    free_rows, free_cols = np.nonzero(structure.fields.state == FREE)
-    free = np.asarray((np.stack([free_cols, free_rows], axis=-1) + 0.5) * resolution_m, dtype=np.float64)
+    walls = structure.walls
     center, radius_m = _circle(walls.points)
     side = 2 * int(np.ceil(radius_m / config.cell_m)) + 3
-
-    def splat(points: Array, weights: Array) -> Image:
-        cells = np.floor((points - center) / config.cell_m + 0.5 * side).astype(np.int64)
-        inside = ((cells >= 0) & (cells < side)).all(axis=1)
-        flat = cells[inside, 1] * side + cells[inside, 0]
-        return np.bincount(flat, weights[inside], side * side).reshape(side, side).astype(np.float32)
-
-    filled = np.minimum(splat(walls.points, walls.lengths_m) / np.float32(config.cell_m), np.float32(1.0))
+    cells = np.floor((walls.points - center) / config.cell_m + 0.5 * side).astype(np.int64)
+    inside = ((cells >= 0) & (cells < side)).all(axis=1)
+    flat = cells[inside, 1] * side + cells[inside, 0]
+    filled = np.bincount(flat, walls.lengths_m[inside], side * side).reshape(side, side).astype(np.float32)
+    filled = np.minimum(filled / np.float32(config.cell_m), np.float32(1.0))
     distance = cv2.distanceTransform((filled == 0.0).astype(np.uint8), cv2.DIST_L2, 5)
     distance = np.minimum(distance, np.float32(10.0))
     likelihood = np.exp(-0.5 * distance**2)
     clearance = np.float32(1.0) - np.exp(-0.5 * (distance / np.float32(config.free_width_cells)) ** 2)
-    cell_share = np.full(len(free), (resolution_m / config.cell_m) ** 2)
-    space = np.minimum(splat(free, cell_share), np.float32(1.0)) * clearance
+    space = _free_share(structure, center, side, config.cell_m) * clearance
     reward = likelihood - np.float32(config.free_weight) * space
-    return CoarseMap(
-        filled, reward.astype(np.float32), structure.T_map_field @ se2.make_motion(center[0], center[1], 0.0)
-    )
+    T_map_center = structure.T_map_field @ se2.make_motion(center[0], center[1], 0.0)
+    return CoarseMap(filled, reward.astype(np.float32), _directions(structure), T_map_center)
+
+
+def _directions(structure: WallStructure) -> npt.NDArray[np.complex128]:
+    """Fourier coefficients of the wall length by direction; what is no line has none."""
+    walls = structure.walls
+    angle = np.arctan2(walls.normals[:, 1], walls.normals[:, 0])
+    first = np.exp(-2j * angle)
+    powers = np.cumprod(np.vstack([np.ones_like(first), np.tile(first, (len(_HARMONICS) - 1, 1))]), axis=0)
+    return np.asarray(np.einsum("ij,j", powers, walls.lengths_m * walls.linearity**2))
+
+
+def _free_share(structure: WallStructure, center: Array, side: int, cell_m: float) -> Image:
+    """(S, S) share of each coarse cell that is free."""
+    state, resolution_m = structure.fields.state, structure.fields.resolution_m
+    count = (state == FREE).astype(np.float32)
+    for axis in (0, 1):  # a coarse cell is a run of rows, and of columns
+        middles_m = (np.arange(state.shape[axis]) + 0.5) * resolution_m
+        number = np.floor((middles_m - center[1 - axis]) / cell_m + 0.5 * side)
+        count = _sum_runs(count.T, np.searchsorted(number, np.arange(side + 1)))
+    return np.asarray(np.minimum(count * np.float32((resolution_m / cell_m) ** 2), np.float32(1.0)), np.float32)
+
+
+def _sum_runs(values: Image, starts: npt.NDArray[np.intp]) -> Image:
+    """(N, K) sums over the K runs of columns that begin at (K + 1,) rising places, each up to the next one."""
+    ended = np.pad(values, ((0, 0), (0, 1)))
+    sums = np.add.reduceat(ended, starts, axis=1)[:, :-1]
+    sums[:, np.diff(starts) == 0] = 0.0  # reduceat answers for an empty run with its first element
+    return np.asarray(sums, np.float32)
 
 
 def _circle(points: Array) -> tuple[Array, float]:
@@ -138,24 +181,72 @@ def search_motions(targets: Sequence[CoarseMap], source: CoarseMap, config: Dens
     Returns:
         For each target at most ``num_peaks`` hypotheses, best first, apart from each other.
     """
-    source_side = len(source.walls)
-    side = scipy.fft.next_fast_len(source_side + max(len(target.walls) for target in targets), real=True)
-    spectra = [_spectra(target.walls, target.reward, side) for target in targets]
-    found: list[list[tuple[float, int, int, int]]] = [[] for _ in targets]
-    for index, angle in enumerate(config.angles_rad):
-        walls, reward = _spectra(_rotate(source.walls, float(angle)), _rotate(source.reward, float(angle)), side)
-        np.conj(walls, out=walls)
-        np.conj(reward, out=reward)
-        for peaks, (target_walls, target_reward) in zip(found, spectra, strict=True):
-            score = np.asarray(
-                scipy.fft.irfft2(walls * target_reward + reward * target_walls, (side, side)), np.float32
-            )
-            peaks += [(value, index, row, col) for value, row, col in find_peaks(score, config.num_peaks_rotation)]
-    return [_separate(peaks, side, target, source, config) for peaks, target in zip(found, targets, strict=True)]
+    last = len(source.walls) - 1
+    crops = [_crop(target) for target in targets]
+    shape = tuple(cv2.getOptimalDFTSize(last + max(side)) for side in zip(*(c.walls.shape for c in crops), strict=True))
+    spectra = [(_spectrum(crop.walls, shape), _spectrum(crop.reward, shape)) for crop in crops]
+    flip = _flip(last, shape)
+    found: list[list[Array]] = [[] for _ in targets]
+    angles = config.angles_rad[: len(config.angles_rad) // 2]
+    tried = np.array([_are_parallel(target, source, angles, config) for target in targets])
+    for angle, by in zip(angles, tried.T, strict=True):
+        if not by.any():
+            continue
+        walls, reward = (_spectrum(_rotate(image, float(angle)), shape) for image in (source.walls, source.reward))
+        # The spectrum of an image turned by half a turn is the conjugate one, but for a shift.
+        turned = ((angle, np.conj(walls) * flip, np.conj(reward) * flip), (angle + np.pi, walls, reward))
+        for angle_rad, w, r in turned:
+            for number in np.flatnonzero(by):
+                value, row, col = find_peaks(_score(w, r, *spectra[number], shape), config.num_peaks_rotation)
+                found[number].append(np.stack([value, np.full(len(row), angle_rad), row, col], axis=-1))
+    return [
+        _separate(np.concatenate(peaks), target, crop, source, config)
+        for peaks, target, crop in zip(found, targets, crops, strict=True)
+    ]
 
 
-def _spectra(walls: Image, reward: Image, side: int) -> tuple[Spectrum, Spectrum]:
-    return scipy.fft.rfft2(walls, (side, side)), scipy.fft.rfft2(reward, (side, side))
+def _are_parallel(
+    target: CoarseMap, source: CoarseMap, angles_rad: Array, config: DenseSearchConfig
+) -> npt.NDArray[np.bool_]:
+    """(R,) whether each rotation, or its opposite, lays enough walls of the two maps parallel to be tried.
+
+    All walls of one building share its few directions, so the true rotation lays many parallel, whatever the overlap.
+    """
+    weight = np.where(_HARMONICS > 0, 2.0, 1.0) * np.exp(-0.5 * (2.0 * _HARMONICS * _PARALLEL_RAD) ** 2)
+    series = weight * target.directions * np.conj(source.directions)
+    parallel = (np.exp(2j * np.outer(angles_rad, _HARMONICS)) @ series).real
+    return np.asarray(parallel >= config.min_parallel * parallel.max())
+
+
+def _crop(target: CoarseMap) -> _Crop:
+    """The part of a map that has walls, or free space: the rest only costs time."""
+    used = (target.walls > 0.0) | (np.abs(target.reward) > _NOTHING)
+    rows, cols = np.flatnonzero(used.any(axis=1)), np.flatnonzero(used.any(axis=0))
+    if len(rows) == 0:
+        return _Crop(target.walls, target.reward, 0, 0)
+    part = (slice(rows[0], rows[-1] + 1), slice(cols[0], cols[-1] + 1))
+    return _Crop(target.walls[part], target.reward[part], int(rows[0]), int(cols[0]))
+
+
+def _spectrum(image: Image, shape: tuple[int, ...]) -> Spectrum:
+    """The left half, (H, W // 2 + 1), of an image's spectrum, the image filled with zeros to a (H, W) shape."""
+    padded = np.zeros(shape, np.float32)
+    padded[: image.shape[0], : image.shape[1]] = image
+    full = cv2.dft(padded, flags=cv2.DFT_COMPLEX_OUTPUT).view(np.complex64)[:, :, 0]
+    return np.ascontiguousarray(full[:, : shape[1] // 2 + 1])
+
+
+def _flip(last: int, shape: tuple[int, ...]) -> Spectrum:
+    """What turns the conjugate spectrum of a square image into that of the image turned by half a turn."""
+    rows, cols = np.arange(shape[0]) / shape[0], np.arange(shape[1] // 2 + 1) / shape[1]
+    return np.asarray(np.exp(-2j * np.pi * last * (rows[:, None] + cols)), np.complex64)
+
+
+def _score(w: Spectrum, r: Spectrum, target_w: Spectrum, target_r: Spectrum, shape: tuple[int, ...]) -> Image:
+    """Correlation of both directions; ``w`` and ``r`` are of the source, turned by half a turn."""
+    product = w * target_r
+    product += r * target_w
+    return np.asarray(np.fft.irfft2(product, shape), np.float32)
 
 
 def _rotate(image: Image, angle_rad: float) -> Image:
@@ -165,28 +256,19 @@ def _rotate(image: Image, angle_rad: float) -> Image:
     return np.asarray(cv2.warpAffine(image, matrix, image.shape[::-1], flags=cv2.INTER_LINEAR), np.float32)
 
 
-def _separate(
-    found: list[tuple[float, int, int, int]], side: int, target: CoarseMap, source: CoarseMap, config: DenseSearchConfig
-) -> list[Peak]:
-    """Turn peaks into motions, best first, without the weaker of two that are nearly the same."""
-    found.sort(key=lambda peak: (-peak[0], peak[1:]))
-    target_side = len(target.walls)
-    kept: list[Peak] = []
-    places = np.zeros((config.num_peaks, 3))
-    half = 0.5 * (len(source.walls) - len(target.walls))
-    for score, index, row, col in found:
-        angle = config.angles_rad[index]
-        wrapped = np.array([col - side * (col >= target_side), row - side * (row >= target_side)])
-        shift = (wrapped + half) * config.cell_m
-        place = np.array([*shift, angle])
-        apart = np.abs(se2.wrap_angle(places[: len(kept), 2] - angle)) > np.radians(3.0 * config.step_deg)
-        apart |= np.linalg.norm(places[: len(kept), :2] - shift, axis=1) > config.separation_m
-        if not apart.all():
-            continue
-        T_centers = se2.make_motion(shift[0], shift[1], angle)
-        T = target.T_map_center @ T_centers @ se2.invert(source.T_map_center)
-        places[len(kept)] = place
-        kept.append(Peak(T, score))
-        if len(kept) == config.num_peaks:
-            break
-    return kept
+def _separate(found: Array, target: CoarseMap, crop: _Crop, source: CoarseMap, config: DenseSearchConfig) -> list[Peak]:
+    """Turn (P, 4) peaks, value, angle, row and column, into motions, without the weaker of two nearly the same."""
+    found = found[np.lexsort((*found.T[:0:-1], -found[:, 0]))]
+    angle = found[:, 1]
+    middle = 0.5 * (len(source.walls) + len(target.walls)) - 1.0
+    shift = (found[:, [3, 2]] + [crop.first_col, crop.first_row] - middle) * config.cell_m
+    kept: list[int] = []
+    left = np.ones(len(found), dtype=np.bool_)
+    while left.any() and len(kept) < config.num_peaks:
+        best = int(left.argmax())
+        kept.append(best)
+        apart = np.abs(se2.wrap_angle(angle - angle[best])) > np.radians(3.0 * config.step_deg)
+        left &= apart | (np.hypot(*(shift - shift[best]).T) > config.separation_m)
+    T_centers = se2.make_motion(shift[kept, 0], shift[kept, 1], angle[kept])
+    T = target.T_map_center @ T_centers @ se2.invert(source.T_map_center)
+    return [Peak(motion, float(score)) for motion, score in zip(T, found[kept, 0], strict=True)]

@@ -10,7 +10,8 @@ from merger import se2
 from merger.dense_search import DenseSearchConfig
 from merger.pair_probability import ProbabilityConfig, log_odds_of, score_motion
 from merger.verification import Evidence, VerificationConfig, measure_evidence
-from merger.wall_alignment import AlignmentConfig, align_walls
+from merger.wall_alignment import AlignmentConfig, align_all
+from merger.wall_kernels import score_walls
 from merger.wall_structure import WallStructure
 
 Array = npt.NDArray[np.float64]
@@ -88,10 +89,10 @@ def find_hypotheses(
     Returns:
         At most ``num_kept`` different motions, best first.
     """
-    quick = [align_walls(target, source, T, config.quick) for T in peaks]
-    scored = [(_score(target, source, T, config, config.num_quick_points), index) for index, T in enumerate(quick)]
-    ranked = [quick[index] for _, index in sorted(scored, key=lambda item: (-item[0], item[1]))]
-    fine = [align_walls(target, source, T, config.fine) for T in _distinct(ranked, source, config)]
+    quick = align_all(target, source, peaks, config.quick)
+    scores = _score_quickly(target, source, quick, config)
+    ranked = [quick[index] for index in np.argsort(-scores, kind="stable")]
+    fine = align_all(target, source, _distinct(ranked, source, config), config.fine)
     return judge_motions(target, source, _distinct(fine, source, config), config)
 
 
@@ -128,6 +129,16 @@ def _distinct(motions: Sequence[Array], source: WallStructure, config: Hypothese
     return kept
 
 
-def _score(target: WallStructure, source: WallStructure, T: Array, config: HypothesesConfig, num_points: int) -> float:
-    evidence = measure_evidence(target, source, T, config.verification, num_points)
-    return score_motion(evidence, config.probability)
+def _score_quickly(
+    target: WallStructure, source: WallStructure, motions: Sequence[Array], config: HypothesesConfig
+) -> Array:
+    """(K,) scores of motions (see `score_motion`) from some of the wall points."""
+    if len(motions) == 0 or len(target.walls.points) == 0 or len(source.walls.points) == 0:
+        return np.zeros(len(motions))
+    limits = (config.verification.near_m, config.verification.far_m, config.verification.facing)
+    a, b, T = target.view(config.num_quick_points), source.view(config.num_quick_points), np.stack(motions)
+    T = target.T_field_map @ T @ source.T_map_field
+    forward = score_walls(T, b.sample, a.walls, a.fields, *limits)
+    backward = score_walls(se2.invert(T), a.sample, b.walls, b.fields, *limits)
+    near, conflict = (0.5 * (one + other) for one, other in zip(forward, backward, strict=True))
+    return np.asarray(near - config.probability.conflict_weight * conflict)

@@ -77,6 +77,7 @@ def refine_jointly(
         edges, H, g = _equations(structures, T, pairs, cutoff_m, config)
         steps = solve_blocks(edges, H, g, len(T))
         T = se2.exp(steps) @ T
+        pairs = edges  # the cut-off falls: who does not meet at the first one never will
         if cutoff_m == config.cutoffs_m[-1] and np.abs(steps).max(initial=0.0) < config.tolerance:
             break
     T_refined = T @ se2.invert(T_map_field)

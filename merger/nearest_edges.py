@@ -1,11 +1,16 @@
 """Nearest edge points of a map: by a table in constant time, or exactly by a k-d tree."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 _MARGIN_M = 1.0
 """How far the table reaches beyond the edge points; farther points take the answer of its border."""
@@ -29,6 +34,8 @@ class EdgeIndex:
 
 def index_edges(points_grid: npt.NDArray[np.float64], cell_m: float) -> EdgeIndex:
     """Prepare (N, 2) edge points in metres, frame ``grid``, N >= 1, for look-ups with cells of side ``cell_m``."""
+    from scipy.spatial import cKDTree  # noqa: PLC0415 # slow to import, and the method robust does without
+
     corner_m = points_grid.min(axis=0) - 0.5 * cell_m - np.ceil(_MARGIN_M / cell_m) * cell_m
     cols, rows = np.floor((points_grid - corner_m) / cell_m).astype(np.intp).T
     margin = int(np.ceil(_MARGIN_M / cell_m)) + 1

@@ -9,13 +9,17 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-import scipy.sparse
-import scipy.sparse.linalg
 
 from merger import se2
 from merger.motion_graph import MotionGraph
 
 Array = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.intp]
+
+_DENSE_MAPS = 100
+"""So many maps at most are solved for by a dense matrix."""
+_DAMPING = 1e-9
+"""Of the mean diagonal of the normal matrix, added to it."""
 
 
 @dataclass(frozen=True)
@@ -106,14 +110,30 @@ def solve_blocks(edges: npt.NDArray[np.intp], H: Array, g: Array, num_maps: int)
     number = np.arange(3)
     at_row = np.concatenate([i, j, i, j])[:, None, None] * 3 + number[:, None]
     at_col = np.concatenate([i, j, j, i])[:, None, None] * 3 + number[None, :]
-    shape = (4 * len(edges), 3, 3)
-    rows, cols = np.broadcast_to(at_row, shape).ravel(), np.broadcast_to(at_col, shape).ravel()
-    values = np.concatenate([H, H, -H, -H]).ravel()
-    normal = scipy.sparse.csc_matrix((values, (rows, cols)), shape=(3 * num_maps, 3 * num_maps))[3:, 3:]
+    values = np.concatenate([H, H, -H, -H])
+    rows, cols = (np.broadcast_to(at, values.shape).ravel() for at in (at_row, at_col))
     right = np.zeros((num_maps, 3))
     np.add.at(right, i, g)
     np.add.at(right, j, -g)
-    damping = 1e-9 * max(1.0, float(normal.diagonal().mean()))
-    regular = scipy.sparse.csc_matrix(normal + damping * scipy.sparse.identity(normal.shape[0], format="csc"))
-    steps = scipy.sparse.linalg.spsolve(regular, right[1:].ravel())
-    return np.concatenate([np.zeros((1, 3)), np.asarray(steps).reshape(-1, 3)])
+    solve = _solve_dense if num_maps <= _DENSE_MAPS else _solve_sparse
+    steps = solve(rows, cols, values.ravel(), right.ravel())
+    return np.concatenate([np.zeros((1, 3)), steps.reshape(-1, 3)])
+
+
+def _solve_dense(rows: Numbers, cols: Numbers, values: Array, right: Array) -> Array:
+    """Solve for all but the first map, from summands (M,) ``values`` of the normal matrix and its (3 N,) right side."""
+    size = len(right)
+    normal = np.bincount(rows * size + cols, values, size * size).reshape(size, size)[3:, 3:]
+    damping = _DAMPING * max(1.0, float(normal.diagonal().mean()))
+    return np.asarray(np.linalg.solve(normal + damping * np.eye(size - 3), right[3:]), np.float64)
+
+
+def _solve_sparse(rows: Numbers, cols: Numbers, values: Array, right: Array) -> Array:
+    """The same for many maps."""
+    import scipy.sparse.linalg  # noqa: PLC0415 # slow to import, and few maps do without
+
+    size = len(right)
+    normal = scipy.sparse.csc_matrix((values, (rows, cols)), shape=(size, size))[3:, 3:]
+    damping = _DAMPING * max(1.0, float(normal.diagonal().mean()))
+    regular = scipy.sparse.csc_matrix(normal + damping * scipy.sparse.identity(size - 3, format="csc"))
+    return np.asarray(scipy.sparse.linalg.spsolve(regular, right[3:]))

@@ -4,6 +4,7 @@ Frame ``field``: the grid's axes, origin in the lower-left corner of the padded 
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -11,7 +12,7 @@ import numpy.typing as npt
 
 from merger import se2
 from merger.grid_map import GridMap
-from merger.wall_kernels import FREE, OCCUPIED, UNKNOWN, Fields, Walls
+from merger.wall_kernels import FREE, OCCUPIED, UNKNOWN, Fields, View, Walls
 
 Array = npt.NDArray[np.float64]
 
@@ -63,27 +64,43 @@ class WallStructure:
     T_map_field: Array
     """(3, 3) pose of frame ``field`` in the map's frame."""
 
-    @property
+    @cached_property
     def length_m(self) -> float:
         """Metres of wall."""
         return float(self.walls.lengths_m.sum())
 
-    @property
+    @cached_property
     def center_m(self) -> Array:
         """(2,) middle of the wall points' bounding box, frame ``field``; the origin without walls."""
         points = self.walls.points
         return np.asarray(0.5 * (points.min(axis=0) + points.max(axis=0))) if len(points) else np.zeros(2)
 
-    @property
+    @cached_property
     def center_map(self) -> Array:
         """(2,) the same in frame ``map``."""
         return np.asarray(se2.transform_points(self.T_map_field, self.center_m[None])[0])
 
+    @cached_property
+    def T_field_map(self) -> Array:
+        """(3, 3) inverse of ``T_map_field``."""
+        return se2.invert(self.T_map_field)
+
     def sample(self, count: int | None) -> Walls:
         """About ``count`` of the wall points, taken evenly, whose lengths have the same sum; None: all."""
         step = max(1, round(len(self.walls.points) / count)) if count else 1
-        thinned = Walls(*(np.ascontiguousarray(array[::step]) for array in self.walls))
-        return thinned._replace(lengths_m=thinned.lengths_m * step)
+        if step not in self._samples:
+            thinned = Walls(*(np.ascontiguousarray(array[::step]) for array in self.walls))
+            self._samples[step] = thinned._replace(lengths_m=thinned.lengths_m * step)
+        return self._samples[step]
+
+    def view(self, count: int | None) -> View:
+        """The map as a partner of others, of which about ``count`` wall points are compared; None: all."""
+        return View(self.sample(count), self.walls, self.fields)
+
+    @cached_property
+    def _samples(self) -> dict[int, Walls]:
+        """Samples that were asked for before, by their step."""
+        return {}
 
 
 def extract_structure(grid: GridMap, config: WallStructureConfig) -> WallStructure:
@@ -105,10 +122,12 @@ def extract_structure(grid: GridMap, config: WallStructureConfig) -> WallStructu
     surface = occupied & (cv2.erode(occupied.astype(np.uint8), np.ones((3, 3), np.uint8)) == 0)
     rows, cols = np.nonzero(surface)
     cells = np.asarray((np.stack([cols, rows], axis=-1) + 0.5) * grid.resolution_m, dtype=np.float64)
-    normals, linearity = _directions(surface, rows, cols, config.normal_radius_m / grid.resolution_m)
+    half = max(1, round(config.normal_radius_m / grid.resolution_m))
+    moments = _moments(surface, rows, cols, half, ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)))
+    normals, linearity = _directions(moments)
     group = _groups(cells, config.spacing_m)
-    facing = _facing(state == FREE, rows, cols, config.normal_radius_m / grid.resolution_m)
-    support = _support(surface, rows, cols, config, grid.resolution_m)
+    facing = _facing(state == FREE, rows, cols, half)
+    support = np.clip((moments[0] - 1.0) * grid.resolution_m / config.support_m, 0.0, 1.0)
     points, normals, linearity, facing = _join(cells, normals, linearity, facing, group)
     distance_m, nearest = _nearest_fields(surface, rows, cols, group, grid.resolution_m)
     lengths_m = _lengths(points, max(config.metre_m, grid.resolution_m)) * _group_max(support, group)
@@ -119,35 +138,16 @@ def extract_structure(grid: GridMap, config: WallStructureConfig) -> WallStructu
     return WallStructure(grid.name, walls, fields, free_points, free_point_m2, grid.T_map_grid @ T_grid_field)
 
 
-def _directions(
-    occupied: npt.NDArray[np.bool_], rows: npt.NDArray[np.int64], cols: npt.NDArray[np.int64], radius_px: float
-) -> tuple[Array, Array]:
-    """Normals and linearity of occupied cells from the second moments of the cells about each."""
-    half = max(1, round(radius_px))
-
-    def moment(power_x: int, power_y: int) -> Array:
-        return _moment(occupied, half, power_x, power_y)[rows, cols]
-
-    count, mean_x, mean_y = moment(0, 0), moment(1, 0), moment(0, 1)
-    cxx = moment(2, 0) - mean_x * mean_x / count
-    cyy = moment(0, 2) - mean_y * mean_y / count
-    cxy = moment(1, 1) - mean_x * mean_y / count
+def _directions(moments: Array) -> tuple[Array, Array]:
+    """Normals and linearity of wall cells from the (6, P) moments of the cells about each, up to the second."""
+    count, mean_x, mean_y, xx, xy, yy = moments
+    cxx = xx - mean_x * mean_x / count
+    cyy = yy - mean_y * mean_y / count
+    cxy = xy - mean_x * mean_y / count
     angle = 0.5 * np.arctan2(2.0 * cxy, cxx - cyy)
     spread = np.hypot(cxx - cyy, 2.0 * cxy)
     linearity = np.where(count >= 3.0, spread / np.maximum(cxx + cyy, 1e-9), 0.0)
     return np.stack([-np.sin(angle), np.cos(angle)], axis=-1), np.clip(linearity, 0.0, 1.0)
-
-
-def _support(
-    surface: npt.NDArray[np.bool_],
-    rows: npt.NDArray[np.int64],
-    cols: npt.NDArray[np.int64],
-    config: WallStructureConfig,
-    resolution_m: float,
-) -> Array:
-    """0 for a lone cell (a stray hit, a leg) to 1 for cells with at least ``support_m`` of wall about them."""
-    count = _moment(surface, max(1, round(config.normal_radius_m / resolution_m)), 0, 0)[rows, cols]
-    return np.asarray(np.clip((count - 1.0) * resolution_m / config.support_m, 0.0, 1.0))
 
 
 def _group_max(values: Array, group: npt.NDArray[np.int64]) -> Array:
@@ -157,23 +157,34 @@ def _group_max(values: Array, group: npt.NDArray[np.int64]) -> Array:
     return largest
 
 
-def _facing(
-    free: npt.NDArray[np.bool_], rows: npt.NDArray[np.int64], cols: npt.NDArray[np.int64], radius_px: float
-) -> Array:
-    """Mean offset of the free cells about occupied ones, 1 long if half of the window is free."""
-    half = max(1, round(radius_px))
+def _facing(free: npt.NDArray[np.bool_], rows: npt.NDArray[np.int64], cols: npt.NDArray[np.int64], half: int) -> Array:
+    """Mean offset of the free cells about wall cells, 1 long if half of the window is free."""
     half_plane = (2 * half + 1) * half * (half + 1) / 2.0
-    offset = np.stack([_moment(free, half, 1, 0)[rows, cols], _moment(free, half, 0, 1)[rows, cols]], axis=-1)
-    return offset / half_plane
+    return _moments(free, rows, cols, half, ((1, 0), (0, 1))).T / half_plane
 
 
-def _moment(mask: npt.NDArray[np.bool_], half: int, power_x: int, power_y: int) -> Array:
-    """Sum over a square window of ``dx ** power_x * dy ** power_y`` where the mask holds."""
-    offset = np.arange(-half, half + 1, dtype=np.float32)
-    image = mask.astype(np.float32)
-    border = cv2.BORDER_CONSTANT
-    moment = cv2.sepFilter2D(image, cv2.CV_32F, offset**power_x, offset**power_y, borderType=border)
-    return np.asarray(moment, dtype=np.float64)
+def _moments(
+    mask: npt.NDArray[np.bool_],
+    rows: npt.NDArray[np.int64],
+    cols: npt.NDArray[np.int64],
+    half: int,
+    powers: tuple[tuple[int, int], ...],
+) -> Array:
+    """(len(powers), P) sums over a square window about P cells of ``dx ** p * dy ** q`` where the mask holds.
+
+    Along the rows for the whole mask, along the columns for the P cells only.
+    """
+    offset = np.arange(-half, half + 1)
+    image = cv2.copyMakeBorder(mask.astype(np.float32), half, half, 0, 0, cv2.BORDER_CONSTANT)
+    window = (rows[:, None] + half + offset, cols[:, None])
+    strips = {}
+    for p in {p for p, _ in powers}:
+        kernel = offset.astype(np.float32) ** p
+        strips[p] = cv2.sepFilter2D(image, cv2.CV_32F, kernel, np.ones(1, np.float32), borderType=cv2.BORDER_CONSTANT)[
+            window
+        ]
+    # Sums of whole numbers below 2^24 are exact in single precision.
+    return np.array([np.einsum("ij,j", strips[p], offset.astype(np.float32) ** q) for p, q in powers], dtype=np.float64)
 
 
 def _groups(points: Array, side_m: float) -> npt.NDArray[np.int64]:
@@ -215,7 +226,10 @@ def _nearest_fields(
     distance, labels = cv2.distanceTransformWithLabels(free_of_walls, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
     point_of_label = np.zeros(int(labels.max()) + 1, dtype=np.int32)
     point_of_label[labels[rows, cols]] = group
-    return np.asarray(distance * resolution_m, np.float32), np.asarray(point_of_label[labels], np.int32)
+    distance *= np.float32(resolution_m)
+    for edge in (distance[0], distance[-1], distance[:, 0], distance[:, -1]):
+        edge[:] = np.inf  # they answer for all places outside
+    return np.asarray(distance, np.float32), point_of_label.take(np.asarray(labels, np.int32))
 
 
 def _sample_free(state: npt.NDArray[np.uint8], resolution_m: float, spacing_m: float) -> tuple[Array, float]:

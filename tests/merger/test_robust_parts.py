@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from merger import se2, wall_kernels
-from merger.dense_search import DenseSearchConfig, coarsen, search_motions
+from merger import robust_averaging, se2
+from merger.dense_search import CoarseMap, DenseSearchConfig, coarsen, search_motions
 from merger.joint_refinement import JointRefinementConfig, refine_jointly
 from merger.motion_graph import MotionGraph
 from merger.pair_probability import ProbabilityConfig, log_odds_of, probability
 from merger.peak_kernel import find_peaks
-from merger.robust_averaging import RobustAveragingConfig, average_robustly
+from merger.robust_averaging import RobustAveragingConfig, average_robustly, solve_blocks
 from merger.verification import Evidence, VerificationConfig, measure_evidence
 from merger.wall_alignment import AlignmentConfig, align_walls, motion_information
 from merger.wall_structure import WallStructureConfig, extract_structure
@@ -74,29 +74,6 @@ def test_wall_length_does_not_depend_on_the_resolution(cut_map):
     assert lengths[1] == pytest.approx(lengths[0], rel=0.2)
 
 
-def test_compare_walls_agrees_with_a_slow_oracle(pair):
-    target, source = pair
-    T = se2.invert(target.T_map_field) @ T_A_B @ source.T_map_field
-    limits = VerificationConfig()
-    sums = wall_kernels.compare_walls(
-        T, source.walls, target.walls, target.fields, limits.near_m, limits.far_m, limits.tight_m, limits.facing
-    )
-    near = opposed = conflict = 0.0
-    for point, facing, length in zip(source.walls.points, source.walls.facing, source.walls.lengths_m, strict=True):
-        place = se2.transform_points(T, point[None])[0]
-        col, row = np.floor(place / target.fields.resolution_m).astype(int)
-        rows, cols = target.fields.state.shape
-        if not (0 <= row < rows and 0 <= col < cols):
-            continue
-        distance = target.fields.distance_m[row, col]
-        other = target.walls.facing[target.fields.nearest[row, col]]
-        against = (T[:2, :2] @ facing) @ other < -limits.facing
-        near += length * (distance <= limits.near_m and not against)
-        opposed += length * (distance <= limits.near_m and against)
-        conflict += length * (distance > limits.far_m and target.fields.state[row, col] == wall_kernels.FREE)
-    assert sums[:3] == pytest.approx([near, opposed, conflict], rel=2e-3)  # a point may lie on a cell's border
-
-
 def test_dense_search_finds_the_true_motion_first(pair):
     config = DenseSearchConfig()
     coarse = [coarsen(item, config) for item in pair]
@@ -105,12 +82,46 @@ def test_dense_search_finds_the_true_motion_first(pair):
     assert abs(se2.angle_of(se2.invert(T_A_B) @ best.T_target_source)) < np.radians(4.0)
 
 
+def test_dense_search_tries_few_rotations_of_straight_walls_and_misses_nothing(pair):
+    found = []
+    for min_parallel in (0.4, 0.0):
+        config = DenseSearchConfig(min_parallel=min_parallel)
+        coarse = [coarsen(item, config) for item in pair]
+        found.append(search_motions([coarse[0]], coarse[1], config)[0])
+    assert found[0][0].score == found[1][0].score
+    assert found[0][0].T_target_source == pytest.approx(found[1][0].T_target_source)
+
+
+def test_dense_search_scores_as_a_slow_oracle_does():
+    rng = np.random.default_rng(0)
+    config = DenseSearchConfig(step_deg=90.0, min_parallel=0.0, num_peaks=3)
+    target, source = (random_coarse_map(rng, side) for side in (15, 11))
+    for peak in search_motions([target], source, config)[0]:
+        T_cells = peak.T_target_source.copy()
+        T_cells[:2, 2] /= config.cell_m
+        score = 0.0
+        for row, col in np.ndindex(source.walls.shape):
+            place = se2.transform_points(T_cells, np.array([[col - 5.0, row - 5.0]]))[0] + 7.0
+            to_col, to_row = np.round(place).astype(int)
+            assert place == pytest.approx([to_col, to_row], abs=1e-9)
+            if 0 <= to_row < 15 and 0 <= to_col < 15:
+                score += source.walls[row, col] * target.reward[to_row, to_col]
+                score += source.reward[row, col] * target.walls[to_row, to_col]
+        assert peak.score == pytest.approx(score, rel=1e-3)
+
+
+def random_coarse_map(rng: np.random.Generator, side: int) -> CoarseMap:
+    walls, reward = rng.random((2, side, side)).astype(np.float32)
+    return CoarseMap(walls, reward, np.zeros(33, dtype=np.complex128), np.eye(3))
+
+
 def test_peaks_agree_with_a_slow_oracle():
     image = np.random.default_rng(0).standard_normal((23, 31)).astype(np.float32)
-    shifted = [np.roll(image, (r, c), (0, 1)) for r in (-1, 0, 1) for c in (-1, 0, 1)]
+    framed = np.pad(image, 1, constant_values=-np.inf)
+    shifted = [np.roll(framed, (r, c), (0, 1))[1:-1, 1:-1] for r in (-1, 0, 1) for c in (-1, 0, 1)]
     rows, cols = np.nonzero(image >= np.max(shifted, axis=0))
     slow = sorted(((float(image[r, c]), int(r), int(c)) for r, c in zip(rows, cols, strict=True)), reverse=True)[:7]
-    assert find_peaks(image, 7) == slow
+    assert [tuple(peak) for peak in np.stack(find_peaks(image, 7), axis=-1)] == slow
 
 
 def ring(rng: np.random.Generator, num_maps: int = 12) -> tuple[MotionGraph, np.ndarray, np.ndarray]:
@@ -128,6 +139,14 @@ def test_averaging_of_exact_motions_is_exact():
     start = se2.exp(np.random.default_rng(2).normal(size=(12, 3)) * 0.05) @ T
     start[0] = np.eye(3)
     assert average_robustly(graph, information, start, RobustAveragingConfig()) == pytest.approx(T, abs=1e-6)
+
+
+def test_many_maps_are_solved_for_as_few_are(monkeypatch):
+    graph, information, T = ring(np.random.default_rng(6))
+    gradients = np.random.default_rng(7).normal(size=(len(graph.edges), 3))
+    dense = solve_blocks(graph.edges, information, gradients, len(T))
+    monkeypatch.setattr(robust_averaging, "_DENSE_MAPS", 5)
+    assert solve_blocks(graph.edges, information, gradients, len(T)) == pytest.approx(dense)
 
 
 def test_averaging_rejects_outlier_edges():
@@ -193,6 +212,7 @@ def test_a_motion_is_more_probable_with_more_agreement_less_conflict_and_no_riva
     [
         lambda: DenseSearchConfig(cell_m=0.0),
         lambda: DenseSearchConfig(step_deg=100.0),
+        lambda: DenseSearchConfig(min_parallel=1.5),
         lambda: AlignmentConfig(cutoffs_m=(0.1, 0.2)),
         lambda: WallStructureConfig(spacing_m=-1.0),
         lambda: VerificationConfig(far_m=0.01),
