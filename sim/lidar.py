@@ -9,9 +9,10 @@ import numpy.typing as npt
 from merger import se2
 from sim.lidar_noise import NoiseConfig
 from sim.plan import Material
-from sim.ray_casting import Discs, SegmentGrid, build_segment_grid
+from sim.ray_casting import Discs
 from sim.robot_run import LidarSpec, RobotRun, Trajectory
 from sim.scan_kernel import Scanner, Surroundings, cast_scans, effect_keys, effects_of
+from sim.segment_grid import SegmentGrid, build_segment_grid
 
 _ROUNDING_RAD = 1e-6
 
@@ -27,6 +28,8 @@ class Scene:
     """The walls."""
     glass: npt.NDArray[np.bool_]
     """(N,) which of them are of glass."""
+    behind_glass: SegmentGrid
+    """The others."""
     obstacle_radii_m: npt.NDArray[np.float64]
     """(K,) radii of the moving obstacles (people, other robots)."""
     obstacles_at: ObstaclesAt | None = None
@@ -53,7 +56,9 @@ def make_scene(
     if (obstacle_radii_m is None) != (obstacles_at is None):
         raise ValueError("moving obstacles need both radii and places")
     radii = np.zeros(0) if obstacle_radii_m is None else np.asarray(obstacle_radii_m, dtype=np.float64)
-    return Scene(build_segment_grid(segments_m), np.asarray(materials) == Material.GLASS, radii, obstacles_at)
+    glass = np.asarray(materials) == Material.GLASS
+    grids = build_segment_grid(segments_m), build_segment_grid(segments_m[~glass])
+    return Scene(grids[0], glass, grids[1], radii, obstacles_at)
 
 
 def scan_run(scene: Scene, trajectory: Trajectory, lidar: LidarSpec, noise: NoiseConfig, *, seed: int) -> RobotRun:
@@ -80,7 +85,9 @@ def scan_run(scene: Scene, trajectory: Trajectory, lidar: LidarSpec, noise: Nois
     def read_ranges(start: int, stop: int) -> npt.NDArray[np.float32]:
         discs = _discs_at(scene, trajectory.stamps_s[start:stop])
         motion = (poses[start:stop], rates[start:stop], start)
-        return cast_scans(Surroundings(scene.grid, scene.glass, discs), scanner, motion, effects, keys)
+        return cast_scans(
+            Surroundings(scene.grid, scene.glass, scene.behind_glass, discs), scanner, motion, effects, keys
+        )
 
     return RobotRun(trajectory, lidar, read_ranges)
 

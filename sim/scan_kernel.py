@@ -9,7 +9,8 @@ from numba import njit
 
 from sim.counter_random import normal_at, stream_key, uniform_at
 from sim.lidar_noise import NoiseConfig
-from sim.ray_casting import Discs, SegmentGrid, first_disc, first_wall, first_walls
+from sim.ray_casting import Discs, measure_incidence, meet_discs, meet_walls
+from sim.segment_grid import SegmentGrid
 
 _SCAN_SHIFT = np.uint64(20)
 """A beam's counter is scan << 20 | beam."""
@@ -63,8 +64,11 @@ class Surroundings(NamedTuple):
     """What beams can meet."""
 
     grid: SegmentGrid
+    """All walls."""
     glass: npt.NDArray[np.bool_]
-    """(N,) which walls are of glass."""
+    """(N,) which of them are of glass."""
+    behind_glass: SegmentGrid
+    """The others, which is what a beam meets that glass lets through."""
     discs: Discs
     """Moving obstacles: one row a scan of the chunk, or one for all."""
 
@@ -108,22 +112,23 @@ def cast_scans(
 @njit(cache=True, nogil=True)
 def _cast(surroundings, scanner, motion, noise, out):  # type: ignore[no-untyped-def] # a kernel
     poses, rates, first = motion
-    num_beams = len(scanner.directions)
-    rays = np.empty((num_beams, 4))
-    true_m, cosines, walls = np.empty(num_beams), np.empty(num_beams), np.empty(num_beams, dtype=np.int64)
+    effects, num_beams, some_glass = noise[0], len(scanner.directions), surroundings.glass.any()
+    rays, walls = np.empty((num_beams, 4)), np.empty(num_beams, dtype=np.int64)
+    true_m, cosines = np.empty(num_beams), np.empty(num_beams)
     for s in range(len(poses)):
         counter = (first + np.uint64(s)) << _SCAN_SHIFT
         _aim(scanner, (poses[s], rates[s], counter), noise, rays)
-        first_walls(surroundings.grid, rays, true_m, walls)
-        if noise[0].glass > 0.0:
-            _pass_glass(surroundings, (rays, counter), noise, (true_m, walls))
-        _measure_incidence(surroundings.grid, rays, walls, cosines)
-        if len(surroundings.discs.radii_m):
-            _meet_discs(surroundings.discs, min(s, len(surroundings.discs.centers_m) - 1), rays, (true_m, cosines))
+        meet_walls(surroundings.grid, rays, true_m, walls)
+        if effects.incidence_loss > 0.0 or effects.glass > 0.0:
+            measure_incidence(surroundings.grid.segments, rays, walls, cosines)
+        if some_glass and effects.glass > 0.0:
+            _pass_glass(surroundings, (rays, counter), noise, (true_m, walls, cosines))
+        row = min(s, len(surroundings.discs.centers_m) - 1)
+        centers_m, radii_m = surroundings.discs.centers_m[row : row + 1], surroundings.discs.radii_m
+        meet_discs((centers_m, radii_m), rays, (true_m, walls, cosines))
         for b in range(num_beams):
             true_m[b] = true_m[b] * scanner.range_max_m if true_m[b] <= 1.0 else np.inf
-        for b in range(num_beams):
-            out[s, b] = _disturb(scanner, (true_m, cosines), b, counter | np.uint64(b), noise)
+        _disturb(scanner, (true_m, cosines), counter, noise, out[s])
 
 
 @njit(cache=True, nogil=True)
@@ -146,46 +151,6 @@ def _aim(scanner, scan, noise, rays):  # type: ignore[no-untyped-def] # a kernel
 
 
 @njit(cache=True, nogil=True)
-def _pass_glass(surroundings, beams, noise, found):  # type: ignore[no-untyped-def] # a kernel
-    """Let beams that glass does not throw back go on to what is behind it."""
-    rays, counter = beams
-    effects, keys = noise
-    fractions, walls = found
-    grid = surroundings.grid
-    for b in range(len(rays)):
-        if walls[b] < 0 or not surroundings.glass[walls[b]]:
-            continue
-        ray = (rays[b, 0], rays[b, 1], rays[b, 2], rays[b, 3])
-        mirrored = _incidence_cos(grid.segments, walls[b], ray) > _GLASS_MIRROR_COS
-        if not mirrored and uniform_at(keys.glass, counter | np.uint64(b)) < effects.glass:
-            fractions[b], walls[b] = first_wall(grid, surroundings.glass, ray)
-
-
-@njit(cache=True, nogil=True)
-def _measure_incidence(grid, rays, walls, cosines):  # type: ignore[no-untyped-def] # a kernel
-    for b in range(len(rays)):
-        ray = (rays[b, 0], rays[b, 1], rays[b, 2], rays[b, 3])
-        cosines[b] = _incidence_cos(grid.segments, walls[b], ray) if walls[b] >= 0 else 0.0
-
-
-@njit(cache=True, nogil=True)
-def _meet_discs(discs, row, rays, found):  # type: ignore[no-untyped-def] # a kernel
-    """Cut beams short at discs."""
-    fractions, cosines = found
-    for b in range(len(rays)):
-        t, cosine = first_disc(discs, row, (rays[b, 0], rays[b, 1], rays[b, 2], rays[b, 3]))
-        if t < fractions[b]:
-            fractions[b], cosines[b] = t, cosine
-
-
-@njit(cache=True, nogil=True)
-def _incidence_cos(segments, wall, ray):  # type: ignore[no-untyped-def] # a kernel
-    """Cosine of the angle between a ray and a wall's normal."""
-    across = abs(ray[2] * segments[wall, 4] + ray[3] * segments[wall, 5])
-    return min(across / math.sqrt(ray[2] * ray[2] + ray[3] * ray[3]), 1.0)
-
-
-@njit(cache=True, nogil=True)
 def _turn_slightly(x, y, angle):  # type: ignore[no-untyped-def] # a kernel
     """Turn a vector by a small angle (series to the fifth order)."""
     square = angle * angle
@@ -194,44 +159,69 @@ def _turn_slightly(x, y, angle):  # type: ignore[no-untyped-def] # a kernel
 
 
 @njit(cache=True, nogil=True)
-def _disturb(scanner, found, b, counter, noise):  # type: ignore[no-untyped-def] # a kernel
-    """The range that beam b reads."""
+def _pass_glass(surroundings, beams, noise, found):  # type: ignore[no-untyped-def] # a kernel
+    """Let beams that glass does not throw back go on to what is behind it."""
+    rays, counter = beams
     effects, keys = noise
-    true_m, cosines = found
-    range_m = true_m[b]
-    if range_m == np.inf:
-        return np.inf
-    if effects.incidence_loss > 0.0:
-        grazing = (1.0 - cosines[b]) ** 2
-        if uniform_at(keys.incidence_loss, counter) < effects.incidence_loss * grazing * grazing:
-            return np.inf
-    if effects.max_range_miss > 0.0:
-        share = range_m / scanner.range_max_m
-        if uniform_at(keys.max_range_miss, counter) < effects.max_range_miss * share * share:
-            return np.inf
-    if effects.dropout > 0.0 and uniform_at(keys.dropout, counter) < effects.dropout:
-        return np.nan
-    if effects.mixed_pixel > 0.0:
-        range_m += _mix_surfaces(true_m, b, counter, noise)
-    if effects.range_sigma_m > 0.0:
-        range_m += effects.range_sigma_m * normal_at(keys.range_m, counter)
-    if effects.range_sigma_ratio > 0.0:
-        range_m += effects.range_sigma_ratio * true_m[b] * normal_at(keys.range_ratio, counter)
-    range_m = math.floor(range_m * _STEPS_PER_M + 0.5) / _STEPS_PER_M
-    if range_m < scanner.range_min_m:
-        return -np.inf
-    return range_m if range_m <= scanner.range_max_m else np.inf
+    fractions, walls, cosines = found
+    passed = np.zeros(len(rays), dtype=np.bool_)
+    for b in range(len(rays)):
+        if walls[b] >= 0 and surroundings.glass[walls[b]] and cosines[b] <= _GLASS_MIRROR_COS:
+            passed[b] = uniform_at(keys.glass, counter | np.uint64(b)) < effects.glass
+    through = np.flatnonzero(passed)
+    rays, behind = rays[through], np.empty(len(through), dtype=np.int64)
+    farther, steeper = np.empty(len(through)), np.empty(len(through))
+    meet_walls(surroundings.behind_glass, rays, farther, behind)
+    measure_incidence(surroundings.behind_glass.segments, rays, behind, steeper)
+    fractions[through], cosines[through] = farther, steeper
 
 
 @njit(cache=True, nogil=True)
-def _mix_surfaces(true_m, b, counter, noise):  # type: ignore[no-untyped-def] # a kernel
+def _disturb(scanner, found, counter, noise, out):  # type: ignore[no-untyped-def] # a kernel
+    """The ranges that the beams of a scan read."""
+    effects, keys = noise
+    true_m, cosines = found
+    for b in range(len(out)):
+        place, range_m = counter | np.uint64(b), true_m[b]
+        if range_m == np.inf or _is_lost(range_m / scanner.range_max_m, cosines[b], place, noise):
+            out[b] = np.inf
+            continue
+        if effects.dropout > 0.0 and uniform_at(keys.dropout, place) < effects.dropout:
+            out[b] = np.nan
+            continue
+        if effects.mixed_pixel > 0.0:
+            range_m += _mix_surfaces(true_m, b, place, noise)
+        if effects.range_sigma_m > 0.0:
+            range_m += effects.range_sigma_m * normal_at(keys.range_m, place)
+        if effects.range_sigma_ratio > 0.0:
+            range_m += effects.range_sigma_ratio * true_m[b] * normal_at(keys.range_ratio, place)
+        range_m = math.floor(range_m * _STEPS_PER_M + 0.5) / _STEPS_PER_M
+        too_near, too_far = range_m < scanner.range_min_m, range_m > scanner.range_max_m
+        out[b] = -np.inf if too_near else (np.inf if too_far else range_m)
+
+
+@njit(cache=True, nogil=True)
+def _is_lost(share, cosine, place, noise):  # type: ignore[no-untyped-def] # a kernel
+    """Whether a return from this share of the largest range is too weak: grazing, or too far away."""
+    effects, keys = noise
+    if effects.incidence_loss > 0.0:
+        grazing = (1.0 - cosine) * (1.0 - cosine)
+        if uniform_at(keys.incidence_loss, place) < effects.incidence_loss * grazing * grazing:
+            return True
+    return (
+        effects.max_range_miss > 0.0 and uniform_at(keys.max_range_miss, place) < effects.max_range_miss * share * share
+    )
+
+
+@njit(cache=True, nogil=True)
+def _mix_surfaces(true_m, b, place, noise):  # type: ignore[no-untyped-def] # a kernel
     """Metres that a beam beside an edge reads beyond, or short of, its own surface."""
     effects, keys = noise
-    chance = uniform_at(keys.mixed_pixel, counter)
+    chance = uniform_at(keys.mixed_pixel, place)
     if chance >= effects.mixed_pixel:
         return 0.0
     neighbour = b + 1 if 2.0 * chance < effects.mixed_pixel else b - 1
     if neighbour < 0 or neighbour >= len(true_m) or true_m[neighbour] == np.inf:
         return 0.0
     gap_m = true_m[neighbour] - true_m[b]
-    return uniform_at(keys.mixed_weight, counter) * gap_m if abs(gap_m) > _EDGE_M else 0.0
+    return uniform_at(keys.mixed_weight, place) * gap_m if abs(gap_m) > _EDGE_M else 0.0
