@@ -7,6 +7,7 @@ import pandas as pd
 
 from bench import curves, fidelity, order_metrics, paper_tables, robust_tables
 from bench.exhibit import Exhibit, first_of_each, load_exhibit
+from bench.fidelity_comparison import compare_fidelity
 from bench.picture_chapters import error_chapter, gallery_chapter, picture_chapters
 from bench.report import Section
 from bench.scores import PairScore
@@ -162,17 +163,14 @@ def _order_table(cells: Sequence[ScoredCell]) -> pd.DataFrame:
 
 
 def _fidelity_table(cells: Sequence[ScoredCell]) -> tuple[pd.DataFrame, list[str]]:
-    """Statistics of the first run of every dataset."""
-    statistics: dict[str, fidelity.Fidelity] = {}
-    real = []
+    """Statistics of every dataset over its runs."""
+    runs: dict[str, list[fidelity.FidelityRun]] = {}
     for scored in cells:
-        label = scored.cell.dataset.label
-        if label in statistics or scored.score["status"] != "ok":
-            continue
-        pairs = [PairScore(**pair) for pair in scored.pairs]
-        statistics[label] = fidelity.measure_fidelity(
-            read_dataset(scored.dataset), pairs, scored.score["median_error_m"]
-        )
-        if scored.cell.dataset.config.source.kind is SourceKind.CARMEN:
-            real.append(label)
-    return fidelity.compare_fidelity(statistics, real)
+        if scored.score["status"] == "ok":
+            pairs = [PairScore(**pair) for pair in scored.pairs]
+            run = fidelity.FidelityRun(read_dataset(scored.dataset), pairs, scored.score["median_error_m"])
+            runs.setdefault(scored.cell.dataset.label, []).append(run)
+    kinds = {scored.cell.dataset.label: scored.cell.dataset.config.source.kind for scored in cells}
+    real = [label for label in runs if kinds[label] is SourceKind.CARMEN]
+    statistics = {label: fidelity.measure_fidelity(found) for label, found in runs.items()}
+    return compare_fidelity(statistics, real)

@@ -1,35 +1,47 @@
-"""Do synthetic data look as real data do? The same statistics of both, and whether they lie in the span of the real."""
+"""Statistics by which synthetic data can be set beside real data: what maps and scans look like to a merger."""
 
+import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import cv2
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 
 from bench.scores import PairScore
 from merger import se2
-from merger.features import FeatureConfig, extract_features, match_features
+from merger.features import FeatureConfig, Features, extract_features, match_features
 from merger.grid_map import GridMap
 from sim.carmen import read_carmen
 from sim.dataset import Dataset
 
-WIDENED_BY = 0.25
-"""Share by which the span of the real logs is widened at either end."""
 TRUE_MATCH_WITHIN_M = 0.25
 """A feature match is true if the true motion brings its two places this close."""
 OVERLAP_BINS = ((0.0, 0.2), (0.2, 0.4), (0.4, 1.0))
 """Bins of true overlap."""
+SHARES = ("right_low", "right_mid", "right_high", "false_pass")
+"""Statistics that are shares of pairs."""
 _MAX_SCANS = 4000
 _SCAN_CHUNK = 256
 
 
 @dataclass(frozen=True)
+class FidelityRun:
+    """One cut of a building, and what ``paper`` made of it."""
+
+    dataset: Dataset
+    """Maps, truth, and the folder with ``scans.log``."""
+    pairs: Sequence[PairScore]
+    """What the method said about its pairs."""
+    median_error_m: float
+    """Its median error."""
+
+
+@dataclass(frozen=True)
 class Fidelity:
-    """Statistics of one dataset; NaN where there is nothing to count."""
+    """Statistics of all runs of a building; NaN where there is nothing to count."""
 
     free_area_m2: float
     """Mean free area of a submap, square metres."""
@@ -62,63 +74,45 @@ class Fidelity:
     false_pass: float
     """Share of the pairs without a right motion that pass the gate of four inliers with a wrong one."""
     median_error_m: float
-    """Median error of the placed maps, metres."""
+    """Median error of the placed maps, metres: mean over the runs that placed any."""
+    num_pairs: dict[str, int] = field(default_factory=dict)
+    """Of the statistics that are shares: how many pairs were counted."""
 
 
-def measure_fidelity(dataset: Dataset, pairs: Sequence[PairScore], median_error_m: float) -> Fidelity:
-    """Statistics of a dataset.
+def measure_fidelity(runs: Sequence[FidelityRun]) -> Fidelity:
+    """Statistics of one building or log, over all its runs.
 
     Args:
-        dataset: Maps, truth, and the folder with ``scans.log``.
-        pairs: What the method ``paper`` said about its pairs.
-        median_error_m: Its median error.
+        runs: Its cuts, at least one.
     """
-    maps, truth = dataset.maps, dataset.truth
+    maps = [grid for run in runs for grid in run.dataset.maps]
+    pairs = [pair for run in runs for pair in run.pairs]
     free_m2 = sum(float(m.free.sum()) * m.resolution_m**2 for m in maps)
-    low, mid, high, no_return = _range_statistics(dataset.path / "scans.log")
-    features = [extract_features(m, FeatureConfig()) for m in maps]
-    matches = _true_matches(maps, truth.T_world_map, truth.overlap)
-    right = [_share([p.right for p in pairs if a < p.overlap_true <= b]) for a, b in OVERLAP_BINS]
+    logs = {run.dataset.config["seed"]: run.dataset.path / "scans.log" for run in runs}
+    low, mid, high, no_return = np.mean([_range_statistics(log) for log in logs.values()], axis=0)
+    keypoints, matches = _count_features([run.dataset for run in runs])
+    right = [[p.right for p in pairs if a < p.overlap_true <= b] for a, b in OVERLAP_BINS]
     wrong_motion = [not math.isnan(p.error_m) for p in pairs if not p.right]
+    errors_m = [run.median_error_m for run in runs if math.isfinite(run.median_error_m)]
     return Fidelity(
         free_area_m2=free_m2 / len(maps),
         occupied_per_m2=sum(int(m.occupied.sum()) for m in maps) / free_m2,
-        range_10_m=low,
-        range_50_m=mid,
-        range_90_m=high,
-        no_return=no_return,
+        range_10_m=float(low),
+        range_50_m=float(mid),
+        range_90_m=float(high),
+        no_return=float(no_return),
         wall_cells=float(np.mean([wall_thickness(m) for m in maps])),
-        keypoints_per_m2=sum(len(f.points_grid) for f in features) / free_m2,
+        keypoints_per_m2=keypoints / free_m2,
         true_matches_low=matches[0],
         true_matches_mid=matches[1],
         true_matches_high=matches[2],
-        right_low=right[0],
-        right_mid=right[1],
-        right_high=right[2],
+        right_low=_share(right[0]),
+        right_mid=_share(right[1]),
+        right_high=_share(right[2]),
         false_pass=_share(wrong_motion),
-        median_error_m=median_error_m,
+        median_error_m=_share(errors_m),
+        num_pairs=dict(zip(SHARES, [*map(len, right), len(wrong_motion)], strict=True)),
     )
-
-
-def compare_fidelity(statistics: dict[str, Fidelity], real: Sequence[str]) -> tuple[pd.DataFrame, list[str]]:
-    """Statistics side by side, one row each, with the span of the real logs and which synthetic ones lie outside.
-
-    Args:
-        statistics: By dataset.
-        real: Which of them are real.
-
-    Returns:
-        The table, and a sentence for every statistic that lies outside.
-    """
-    rows, sentences = [], []
-    for name in Fidelity.__dataclass_fields__:
-        values = {label: float(asdict(found)[name]) for label, found in statistics.items()}
-        known = [values[label] for label in real if math.isfinite(values[label])]
-        low, high = (min(known) * (1 - WIDENED_BY), max(known) * (1 + WIDENED_BY)) if known else (math.nan, math.nan)
-        outside = [k for k, v in values.items() if k not in real and known and not low <= v <= high]
-        rows.append({"statistic": name, **values, "from": low, "to": high, "outside": ", ".join(outside)})
-        sentences += [f"{k}: {name} is {values[k]:.3g}, outside {low:.3g} to {high:.3g}." for k in outside]
-    return pd.DataFrame(rows), sentences
 
 
 def wall_thickness(grid: GridMap) -> float:
@@ -150,23 +144,30 @@ def _range_statistics(log: Path) -> tuple[float, float, float, float]:
     return float(low), float(mid), float(high), 1.0 - known.size / num_beams
 
 
-def _true_matches(
-    maps: Sequence[GridMap], T_world_map: npt.NDArray[np.float64], overlap: npt.NDArray[np.float64]
-) -> list[float]:
-    """Mean number of true matches of the pairs in each bin of overlap."""
-    config = FeatureConfig()
-    features = [extract_features(m, config) for m in maps]
+def _count_features(datasets: Sequence[Dataset]) -> tuple[int, list[float]]:
+    """Number of keypoints, and the mean number of true matches of the pairs in each bin of overlap."""
+    num_keypoints, counts = 0, []
+    for dataset in datasets:
+        features = [extract_features(m, FeatureConfig()) for m in dataset.maps]
+        num_keypoints += sum(len(f.points_grid) for f in features)
+        counts += _true_matches(dataset, features)
+    return num_keypoints, [_share([n for shared, n in counts if a < shared <= b]) for a, b in OVERLAP_BINS]
+
+
+def _true_matches(dataset: Dataset, features: Sequence[Features]) -> list[tuple[float, int]]:
+    """Overlap and number of true matches of each pair."""
+    truth = dataset.truth
     places = [
         se2.transform_points(T @ m.T_map_grid, f.points_grid)
-        for T, m, f in zip(T_world_map, maps, features, strict=True)
+        for T, m, f in zip(truth.T_world_map, dataset.maps, features, strict=True)
     ]
-    counts: list[tuple[float, int]] = []
-    for i in range(len(maps)):
-        for j in range(i + 1, len(maps)):
-            found = match_features(features[i], features[j], config)
-            apart = np.linalg.norm(places[i][found[:, 0]] - places[j][found[:, 1]], axis=1)
-            counts.append((float(max(overlap[i, j], overlap[j, i])), int((apart <= TRUE_MATCH_WITHIN_M).sum())))
-    return [_share([n for shared, n in counts if a < shared <= b]) for a, b in OVERLAP_BINS]
+    counts = []
+    for i, j in itertools.combinations(range(len(places)), 2):
+        found = match_features(features[i], features[j], FeatureConfig())
+        apart = np.linalg.norm(places[i][found[:, 0]] - places[j][found[:, 1]], axis=1)
+        shared = float(max(truth.overlap[i, j], truth.overlap[j, i]))
+        counts.append((shared, int((apart <= TRUE_MATCH_WITHIN_M).sum())))
+    return counts
 
 
 def _share(values: Sequence[float]) -> float:
