@@ -1,6 +1,5 @@
 """Anybody's merger as a command: ``prog {maps} {out}`` reads a folder of maps and writes ``result.json``."""
 
-import os
 import resource
 import shlex
 import shutil
@@ -11,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from bench.isolation import Skipped, die_with_parent
+from bench.isolation import Skipped, die_with_parent, original_environment
 from bench.submap_scans import write_submap_scans
 
 PLACEHOLDERS = ("{maps}", "{out}")
@@ -112,7 +111,7 @@ def _run(words: list[str], folder: Path) -> tuple[int, str]:
                 stdout=subprocess.DEVNULL,
                 stderr=stderr,
                 check=False,
-                env=os.environ | {"PYTHONDONTWRITEBYTECODE": "1"},
+                env=original_environment() | {"PYTHONDONTWRITEBYTECODE": "1"},
                 preexec_fn=die_with_parent,  # the calling process has one thread
             )
     except OSError as error:

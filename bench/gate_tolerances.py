@@ -66,13 +66,14 @@ TOLERANCES = (
     Tolerance("iou_occupied", HIGHER, absolute=0.05, fine=True),
     Tolerance("iou_free", HIGHER, absolute=0.02, fine=True),
     Tolerance("brier", LOWER, absolute=0.05),
-    Tolerance("runtime_ratio", LOWER, absolute=30.0, relative=1.0, each_seed=False),
+    Tolerance("runtime_ratio", LOWER, absolute=300.0, relative=1.0, each_seed=False),
     Tolerance("peak_memory_mb", LOWER, absolute=200.0, relative=0.5, each_seed=False),
 )
 """The gate's table. Counts and success may not get worse at all. The bounds of the errors were set between two things
 that were measured on real logs: another seed of the same merger changes them by 2 to 15 %, a merger without motion
-averaging by 30 to 110 % (``relation_error_m``, the most sensitive). Time, over that of a reference workload of about
-15 ms, is red only if it doubles and grows by half a second: a busy machine must not turn the gate red."""
+averaging by 30 to 110 % (``relation_error_m``, the most sensitive). Processor
+time, over that of a reference workload of about 2 ms in the same process, is red only if it doubles and grows by half a
+second: on two cores with seven other jobs, which made wall times vary by 1.8, these ratios varied by 1.1 to 1.5."""
 
 ANOTHER_MACHINE = {
     "edge_precision": 0.15,

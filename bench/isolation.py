@@ -25,8 +25,11 @@ from bench.cell import Outcome
 _POLL_S = 0.25
 """Between two looks at a child's memory and time; an answer is met at once."""
 _PR_SET_PDEATHSIG = 1
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+_ADDED = "MAPMERGE_BENCH_ADDED"
 _CONTEXT = multiprocessing.get_context("forkserver")
 _START = threading.Lock()
+_READY = threading.Event()
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,33 @@ def warm_up(modules: list[str]) -> None:
     _CONTEXT.set_forkserver_preload(modules)
 
 
+def start_server() -> None:
+    """Start the server unless it runs, and wait until it is ready; linear algebra uses one thread in its calls.
+
+    Threads that wait for each other on a busy machine burn processor time and change no result. Programs that a method
+    starts find the environment as it was, see `original_environment`.
+    """
+    with _START:
+        if _READY.is_set():
+            return
+        added = [name for name in _THREADS if name not in os.environ]
+        os.environ.update(dict.fromkeys(added, "1") | {_ADDED: ",".join(added)})
+        try:
+            process = _CONTEXT.Process(target=int)
+            process.start()
+        finally:
+            for name in (*added, _ADDED):
+                del os.environ[name]
+        process.join()
+        _READY.set()
+
+
+def original_environment() -> dict[str, str]:
+    """This process's environment without what `start_server` added to it."""
+    added = os.environ.get(_ADDED, "").split(",")
+    return {name: value for name, value in os.environ.items() if name not in (*added, _ADDED)}
+
+
 def run_isolated(function: Callable[..., dict[str, Any] | None], arguments: tuple[Any, ...], limits: Limits) -> Outcome:
     """Call a function in a fresh process.
 
@@ -60,6 +90,7 @@ def run_isolated(function: Callable[..., dict[str, Any] | None], arguments: tupl
         Status ``ok``; ``skipped`` if it raised `Skipped`; else ``failed`` with the reason: the exception, the signal
         that ended it, or the limit that it broke.
     """
+    start_server()
     receiver, sender = _CONTEXT.Pipe(duplex=False)
     process = _CONTEXT.Process(target=_child, args=(sender, function, arguments), daemon=False)
     with _START:

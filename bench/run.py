@@ -14,7 +14,15 @@ from bench.store import Store
 CellProgress = Callable[[ScoredCell, int, int], None]
 """``progress(cell, done, total)`` is called, from any thread, as cells are finished."""
 
-_WARM_MODULES = ["bench.stages", "merger.pipeline", "sim.dataset", "scipy.spatial", "scipy.ndimage", "cv2", "numba"]
+_WARM_MODULES = [
+    "bench.stages",
+    "merger.pipeline",
+    "sim.dataset",
+    "scipy.spatial",
+    "scipy.ndimage",
+    "cv2",
+    "bench.warm_kernels",
+]
 
 
 @dataclass(frozen=True)

@@ -81,7 +81,7 @@ class Score:
     runtime_overhead_s: float = math.nan
     """Wall time of the row that is neither the method's (``runtime_s``) nor spent on making the dataset: starting and
     ending processes, reading maps, copying them for a command, writing the answer, the reference workload, scoring.
-    Drawing the report is not in it: that comes once, after the last row."""
+    What comes once a sweep is not in it: starting the server of processes, and drawing the report."""
     runtime_ratio: float = math.nan
     """Processor time of the method, all its threads and processes, over that of the reference workload (a few ms), run
     in the same process right after it: what other programs do meanwhile hardly changes it; waiting does not count."""

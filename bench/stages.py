@@ -11,7 +11,7 @@ import cv2
 
 from bench import code_version
 from bench.cell import Cell, DatasetSpec, MethodKind, MethodSpec, Outcome, hash_of
-from bench.isolation import Limits, run_isolated
+from bench.isolation import Limits, run_isolated, start_server
 from bench.methods import call_method, python_methods
 from bench.prediction import PredictionError, read_prediction
 from bench.scores import score_failure, score_result
@@ -83,6 +83,7 @@ def finish_prediction(store: Store, cell: Cell, retry_failed: bool) -> Outcome:
     if known and not (retry_failed and known["status"] != "ok"):
         return Outcome(**known)
     limits = Limits(cell.method.time_limit_s, cell.method.memory_limit_mb)
+    start_server()
     start = time.perf_counter()
     with store.fill(store.prediction(key)) as folder:
         arguments = (cell.method, store.dataset(dataset_key(cell.dataset)), cell.order, cell.seed, folder)

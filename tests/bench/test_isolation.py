@@ -5,7 +5,9 @@ import signal
 import time
 from typing import Any
 
-from bench.isolation import Limits, Skipped, run_isolated
+import pytest
+
+from bench.isolation import Limits, Skipped, original_environment, run_isolated
 
 AMPLE = Limits(time_s=60.0, memory_mb=4096.0)
 
@@ -40,6 +42,17 @@ def _flood(mib: int) -> None:
         blocks.append(bytearray(b"x" * (16 << 20)))
         time.sleep(0.02)
     time.sleep(30.0)
+
+
+def test_programs_find_the_environment_that_the_user_set(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    monkeypatch.setenv("MKL_NUM_THREADS", "3")
+    before = dict(os.environ)
+    run_isolated(_answer, (1.0,), AMPLE)
+    assert dict(os.environ) == before
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")
+    monkeypatch.setenv("MAPMERGE_BENCH_ADDED", "OMP_NUM_THREADS")
+    assert original_environment() == before
 
 
 def test_an_answer_comes_back_with_its_peak_memory() -> None:
