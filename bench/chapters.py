@@ -13,7 +13,7 @@ from bench.report import Section
 from bench.scores import PairScore
 from bench.settings import BenchSettings
 from bench.stages import ScoredCell
-from bench.tables import Results, summarize
+from bench.tables import Results, format_value, summarize
 from sim.config import SourceKind
 from sim.dataset import read_dataset
 
@@ -101,7 +101,18 @@ def _overview(results: Results) -> str:
         f"{len(scores)} runs with {maps} maps; {wrong} maps are placed wrong: more than 0.5 m or 2° from where they "
         "belong in the frame that fits most of their component. Success: every map is placed in one component and none "
         "is wrong; low and high are its 95 % interval (Wilson). Obj. is in cells²; its floor is its value under the "
-        "true motions, where it ranks nothing."
+        "true motions, where it ranks nothing." + _overhead(results)
+    )
+
+
+def _overhead(results: Results) -> str:
+    """How much time the bench itself took, in a sentence; empty where no method ran."""
+    method_s, bench_s = (float(results.scores[name].sum()) for name in ("runtime_s", "runtime_overhead_s"))
+    if not method_s > 0.0:
+        return ""
+    share = format_value(100.0 * bench_s / method_s)
+    return (
+        f" Beside the methods' {format_value(method_s)} s the bench took {share} % for itself (datasets not counted)."
     )
 
 
