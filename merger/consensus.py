@@ -46,11 +46,13 @@ class ConsensusConfig:
     min_log_odds: float = 2.5
     """Groups are joined only by motions at least so probable."""
     bridge_log_odds: float = 4.0
-    """The same for a motion that no cycle confirms, at least ``min_log_odds``."""
+    """The same for a motion that no cycle confirms; below ``min_log_odds`` no cycle is asked for."""
     voice_log_odds: float = -2.0
     """Motions of two maps at least so probable close cycles."""
     plausible_log_odds: float = -6.0
     """Motions of two maps below it are not tried between groups, below ``min_log_odds``."""
+    judge_groups: bool = True
+    """Whether all maps of two groups judge their motion (off: the two maps that propose it alone; an ablation)."""
     num_tried: int = 4
     """Motions that are tried between two groups, at least 1."""
     alignment: AlignmentConfig = field(
@@ -62,8 +64,6 @@ class ConsensusConfig:
         """Refuse values out of range."""
         if not self.plausible_log_odds < self.min_log_odds:
             raise ValueError(f"plausible_log_odds must be < {self.min_log_odds}, got {self.plausible_log_odds}")
-        if not self.bridge_log_odds >= self.min_log_odds:
-            raise ValueError(f"bridge_log_odds must be >= {self.min_log_odds}, got {self.bridge_log_odds}")
         if self.num_tried < 1:
             raise ValueError(f"num_tried must be >= 1, got {self.num_tried}")
 
@@ -187,6 +187,8 @@ def _describe(group: Group, maps: Sequence[GridMap], config: WallStructureConfig
 def _try_motions(a: Group, b: Group, hypotheses: PairHypotheses, config: ConsensusConfig) -> tuple[Hypothesis, ...]:
     """Judge the motions in question between two groups, all maps of both at once."""
     voices = voices_between(a, b, hypotheses, config.plausible_log_odds)
+    if not config.judge_groups:
+        return tuple(replace(voice.hypothesis, T_target_source=voice.T_a_b) for voice in voices)
     proposed = [(voice.hypothesis.score_m, voice.T_a_b) for voice in voices]
     proposed.sort(key=lambda item: -item[0])
     center_b = b.structure.center_map

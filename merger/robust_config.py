@@ -21,6 +21,9 @@ class RobustConfig:
     """Averaging of relative motions."""
     joint: JointRefinementConfig = field(default_factory=JointRefinementConfig)
     """Refinement of all maps at once."""
+    features: bool = False
+    """Whether the paper's features propose motions, too: of 93 pairs of real maps that the dense search missed they
+    found 4, at a third more time."""
     average: bool = True
     """Whether to average relative motions (off: an ablation)."""
     refine_jointly: bool = True

@@ -10,12 +10,15 @@ import numpy.typing as npt
 from merger import se2
 from merger.consensus import Agreement
 from merger.dense_search import CoarseMap, coarsen, search_motions
+from merger.feature_hypotheses import propose_motion
 from merger.grid_map import GridMap
 from merger.hypotheses import Hypothesis, find_hypotheses, is_same_motion
 from merger.joint_refinement import refine_jointly
 from merger.map_group import PairHypotheses
 from merger.merge_config import MergeConfig, Progress
 from merger.motion_graph import MotionGraph
+from merger.preparation import PreparedMap, prepare_map
+from merger.random_streams import make_rng
 from merger.robust_averaging import average_robustly
 from merger.stages import map_in_threads
 from merger.wall_alignment import motion_information
@@ -32,6 +35,8 @@ class DescribedMap:
     """Its walls and look-up fields."""
     coarse: CoarseMap
     """Its cells of the dense search."""
+    prepared: PreparedMap | None = None
+    """Its keypoints, if they are used."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +59,8 @@ def describe_maps(maps: Sequence[GridMap], config: MergeConfig, progress: Progre
 
     def work(grid: GridMap) -> DescribedMap:
         structure = extract_structure(grid, consensus.structure)
-        return DescribedMap(structure, coarsen(structure, consensus.pairs.dense))
+        prepared = prepare_map(grid, config.features) if config.robust.features else None
+        return DescribedMap(structure, coarsen(structure, consensus.pairs.dense), prepared)
 
     return map_in_threads(work, maps, config.workers, "features", progress)
 
@@ -67,13 +73,27 @@ def search_all_pairs(described: Sequence[DescribedMap], config: MergeConfig, pro
         source, targets = described[j], described[:j]
         peaks = search_motions([target.coarse for target in targets], source.coarse, settings.dense)
         return [
-            find_hypotheses(target.structure, source.structure, [peak.T_target_source for peak in found], settings)
+            find_hypotheses(
+                target.structure,
+                source.structure,
+                [*(peak.T_target_source for peak in found), *_from_features(target, source, config)],
+                settings,
+            )
             for target, found in zip(targets, peaks, strict=True)
         ]
 
     sources = range(len(described) - 1, 0, -1)
     found = map_in_threads(work, sources, config.workers, "pairs", progress)
     return {(i, j): motions for j, row in zip(sources, found, strict=True) for i, motions in enumerate(row)}
+
+
+def _from_features(target: DescribedMap, source: DescribedMap, config: MergeConfig) -> list[Array]:
+    """The motion that the paper's features propose, if they are used and propose one."""
+    if target.prepared is None or source.prepared is None:
+        return []
+    rng = make_rng(config.seed, target.prepared.name, source.prepared.name)
+    T = propose_motion(target.prepared, source.prepared, config.features, config.ransac, rng)
+    return [] if T is None else [T]
 
 
 def refine_groups(

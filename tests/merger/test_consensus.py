@@ -81,9 +81,24 @@ def test_the_groups_that_are_judged_are_told(found):
     assert seen == [{0, 1, 2}]
 
 
-def test_a_bridge_below_the_threshold_of_all_is_refused():
-    with pytest.raises(ValueError, match=r"bridge_log_odds must be >= 3\.0, got 2\.0"):
-        ConsensusConfig(min_log_odds=3.0, bridge_log_odds=2.0)
+def test_features_may_propose_motions_too(found):
+    maps, _, without = found
+    config = replace(CONFIG, robust=replace(CONFIG.robust, features=True))
+    described = describe_maps(maps, config, lambda *_: None)
+    assert all(item.prepared is not None for item in described)
+    proposed = search_all_pairs(described, config, lambda *_: None)
+    assert max(m.log_odds for m in proposed[(0, 1)]) >= max(m.log_odds for m in without[(0, 1)]) - 0.5
+
+
+def test_without_the_judgement_of_groups_the_motions_of_pairs_decide(found):
+    hypotheses = found[2]
+    seen = []
+    maps, described, _ = found
+    config = ConsensusConfig(judge_groups=False)
+    grow_groups(maps, [d.structure for d in described], hypotheses, config, lambda a, b, motions: seen.append(motions))
+    known = {motion.log_odds for motions in hypotheses.values() for motion in motions}
+    assert seen
+    assert all(motion.log_odds in known for motions in seen for motion in motions)
 
 
 def judged(found, hypotheses, config):
