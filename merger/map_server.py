@@ -163,12 +163,17 @@ def _read_pixels(path: Path, header: _Header) -> npt.NDArray[np.uint8]:
 
 
 def _decode(data: bytes) -> npt.NDArray[Any] | None:
+    """The image; none if there is none, without a word from OpenCV."""
     if not data:
         return None
+    level = cv2.utils.logging.getLogLevel()
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     try:
         return cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error:
         return None
+    finally:
+        cv2.utils.logging.setLogLevel(level)
 
 
 def _log_odds_from_pixels(pixels: npt.NDArray[np.uint8], header: _Header) -> npt.NDArray[np.float32]:

@@ -1,5 +1,6 @@
 """What a recording says of the truth, read back for checks."""
 
+import struct
 from array import array
 from collections import defaultdict
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from mcap.exceptions import McapError
 from mcap.reader import McapReader, make_reader
+from zstandard import ZstdError
 
 from merger import grid_map, se2
 from merger.grid_map import GridMap
@@ -48,7 +50,7 @@ def read_recorded_truth(path: Path) -> RecordedTruth:
             return _read(reader)
     except OSError as error:
         raise ValueError(f"{path}: cannot be read ({error.strerror})") from None
-    except (McapError, KeyError, IndexError, ValueError) as error:
+    except (McapError, ZstdError, LookupError, ValueError, OverflowError, AttributeError, struct.error) as error:
         raise ValueError(f"{path}: not a sound recording ({type(error).__name__}: {error})") from None
 
 

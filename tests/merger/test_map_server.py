@@ -141,11 +141,12 @@ def test_a_file_that_is_no_header_is_refused(tmp_path, text, fault):
 
 
 @pytest.mark.parametrize("data", [b"", b"not an image", b"P5\n3 2\n255\n"])
-def test_an_image_that_is_not_one_is_refused(tmp_path, data):
+def test_an_image_that_is_not_one_is_refused_by_us_alone(tmp_path, data, capfd):
     path = _write(tmp_path)
     (tmp_path / "map.pgm").write_bytes(data)
     with pytest.raises(MapFileError, match=r"its image map\.pgm is not an image"):
         read_map(path)
+    assert capfd.readouterr().err == ""
 
 
 def test_a_missing_file_is_told(tmp_path):

@@ -170,7 +170,17 @@ def spoil_recording(folder: Path) -> str:
     return "recording.mcap"
 
 
-@pytest.mark.parametrize("spoil", [spoil_cells, spoil_truth, spoil_trajectory, spoil_map_yaml, spoil_recording])
+def spoil_chunk(folder: Path) -> str:
+    path = folder / "recording.mcap"
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2 : len(data) // 2 + 50] = bytes(50)
+    path.write_bytes(data)
+    return "recording.mcap"
+
+
+@pytest.mark.parametrize(
+    "spoil", [spoil_chunk, spoil_cells, spoil_truth, spoil_trajectory, spoil_map_yaml, spoil_recording]
+)
 def test_the_check_names_a_file_that_has_been_changed_even_if_its_checksum_was_changed_too(folder, spoil):
     name = spoil(folder)
     assert any(name in fault for fault in check_dataset(folder))
