@@ -11,6 +11,9 @@ from merger.grid_map import GridMap
 
 _Array = npt.NDArray[np.float64]
 
+_STRIP_ROWS = 32
+"""Rows of the merged grid that are filled at once: few enough for the processor's cache."""
+
 
 @dataclass(frozen=True)
 class CompositingConfig:
@@ -120,12 +123,23 @@ def _add_map(total: npt.NDArray[np.float32], grid: GridMap, T_ref_map: _Array, l
     A, t = T_grid_lattice[:2, :2] * lattice.cell_m / grid.resolution_m, T_grid_lattice[:2, 2] / grid.resolution_m
     x = np.arange(left, right) + lattice.first_col + 0.5
     y = np.arange(bottom, top) + lattice.first_row + 0.5
-    cols = np.floor(np.add.outer(A[0, 1] * y, A[0, 0] * x) + t[0]).astype(np.int32)
-    rows = np.floor(np.add.outer(A[1, 1] * y, A[1, 0] * x) + t[1]).astype(np.int32)
-    num_rows, num_cols = grid.log_odds.shape
-    inside = (rows >= 0) & (rows < num_rows) & (cols >= 0) & (cols < num_cols)
-    values = grid.log_odds[rows.clip(0, num_rows - 1), cols.clip(0, num_cols - 1)]
-    total[bottom:top, left:right] += np.where(inside, values, np.float32(0.0))
+    part = total[bottom:top, left:right]
+    for first in range(0, len(y), _STRIP_ROWS):
+        strip = slice(first, first + _STRIP_ROWS)
+        col = np.add.outer(A[0, 1] * y[strip], A[0, 0] * x + t[0])
+        row = np.add.outer(A[1, 1] * y[strip], A[1, 0] * x + t[1])
+        part[strip] += _look_up(grid.log_odds, row, col)
+
+
+def _look_up(log_odds: npt.NDArray[np.float32], row: _Array, col: _Array) -> npt.NDArray[np.float32]:
+    """Log-odds of the cells that hold places of a grid, in cells; 0 outside. The places are overwritten."""
+    num_rows, num_cols = log_odds.shape
+    rows, cols = (np.floor(place, out=place).astype(np.int64) for place in (row, col))
+    # Seen as unsigned, a negative number is larger than any size.
+    inside = (rows.view(np.uint64) < num_rows) & (cols.view(np.uint64) < num_cols)
+    values: npt.NDArray[np.float32] = log_odds.take(rows * num_cols + cols, mode="clip")
+    values *= inside
+    return values
 
 
 def _reduce_blocks(total: npt.NDArray[np.float32], split: int) -> npt.NDArray[np.float32]:
