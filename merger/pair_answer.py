@@ -112,10 +112,21 @@ def _judge(
         overlap=min(1.0, share),
         rmse_m=rmse_m,
         agreement=evidence.agreement,
+        confidence=probability(shown.log_odds) if confirmed is None else _relation_confidence(pair, findings),
         T_target_source_initial=shown.T_target_source if status is not PairStatus.NO_MATCH else None,
         information=motion_information(target, source, shown.T_target_source, config.robust.joint.metre_variance_m3),
         in_tree=in_tree and confirmed is not None,
     )
+
+
+def _relation_confidence(pair: tuple[int, int], findings: Findings) -> float:
+    """Probability that two placed maps lie right to each other: the joins that one of them hangs on, but not both."""
+    confidence = 1.0
+    for join in findings.agreement.joins:
+        smaller = min((join.others, join.members), key=len)
+        apart = {number in smaller for number in pair} == {True, False}
+        confidence *= probability(join.log_odds) if apart else 1.0
+    return confidence
 
 
 def explain_doubt(hypothesis: Hypothesis) -> str:

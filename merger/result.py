@@ -58,6 +58,8 @@ class PairResult:
     """(3, 3) motion before TrICP, from feature matches or a dense search."""
     information: npt.NDArray[np.float64] | None = None
     """(3, 3) information of ``v = (x, y, theta)`` in ``T_target_source @ exp(v)``: 1/m^2, 1/(m rad), 1/rad^2."""
+    confidence: float | None = None
+    """Probability, 0..1, that the motion is right; None if the method does not estimate it."""
     in_tree: bool = False
     """Whether the coarse motions were chained through this pair."""
 

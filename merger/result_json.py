@@ -132,6 +132,7 @@ def _pair_to_json(pair: PairResult) -> dict[str, Any]:
         "overlap": pair.overlap,
         "rmse_m": pair.rmse_m,
         "agreement": pair.agreement,
+        "confidence": pair.confidence,
         "T_target_source_initial": motion_to_json(pair.T_target_source_initial),
         "information": _matrix_to_json(pair.information),
         "in_tree": pair.in_tree,
@@ -139,7 +140,7 @@ def _pair_to_json(pair: PairResult) -> dict[str, Any]:
 
 
 def _pair_from_json(entry: Mapping[str, Any]) -> PairResult:
-    plain = ("reason", "num_matches", "num_inliers", "overlap", "rmse_m", "agreement")
+    plain = ("reason", "num_matches", "num_inliers", "overlap", "rmse_m", "agreement", "confidence")
     try:
         return PairResult(
             target=str(entry["target"]),

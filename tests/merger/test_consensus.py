@@ -115,6 +115,15 @@ def test_a_pair_that_the_search_missed_is_confirmed_by_the_walls_that_it_shares(
     assert np.abs(se2.log(se2.invert(T_true) @ pair.T_target_source)).max() < 0.05
 
 
+def test_a_pair_is_as_sure_as_the_joins_between_its_maps(found):
+    pairs = judged(found, found[2], CONFIG)
+    joins = grow(found, found[2]).joins
+    first, second = (1.0 / (1.0 + np.exp(-join.log_odds)) for join in joins)
+    names = {str(number) for number in (*joins[0].members, *joins[0].others)}
+    for key, pair in pairs.items():
+        assert pair.confidence == pytest.approx(first if set(key) == names else second, rel=0.02)
+
+
 def test_a_placed_pair_without_common_walls_is_not_reliable(found):
     strict = replace(CONFIG, robust=replace(CONFIG.robust, min_shared=0.5))
     pairs = judged(found, found[2], strict)
