@@ -18,7 +18,7 @@ GOOD = {
     "objective": 0.3,
     "edge_precision": 1.0,
     "edge_recall": 0.9,
-    "runtime_ratio": 100.0,
+    "runtime_ratio": 1000.0,
     "peak_memory_mb": 180.0,
 }
 
@@ -88,8 +88,8 @@ def test_luck_that_goes_both_ways_is_forgiven():
 
 def test_time_is_judged_by_the_median_of_a_cell():
     before = [row(seed) for seed in range(5)]
-    one_slow = [row(seed, runtime_ratio=900.0 if seed == 0 else 100.0) for seed in range(5)]
-    all_slow = [row(seed, runtime_ratio=210.0) for seed in range(5)]
+    one_slow = [row(seed, runtime_ratio=9000.0 if seed == 0 else 1000.0) for seed in range(5)]
+    all_slow = [row(seed, runtime_ratio=2100.0) for seed in range(5)]
     assert worse(before, one_slow) == []
     assert worse(before, all_slow) == [("runtime_ratio", "median of 5 seeds")]
 
@@ -111,7 +111,7 @@ def test_on_other_data_counts_are_judged_and_fine_scores_are_not():
 
 
 def test_times_are_told_by_method_whether_they_are_judged_or_not():
-    now = [row(runtime_ratio=150.0), row(method="robust", runtime_ratio=50.0)]
+    now = [row(runtime_ratio=1500.0), row(method="robust", runtime_ratio=500.0)]
     assert dict(compare_rows([row(), row(method="robust")], now).times) == {
         "paper": "1.50 times the baseline's, relative to the reference workload",
         "robust": "0.50 times the baseline's, relative to the reference workload",
