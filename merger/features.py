@@ -36,6 +36,8 @@ class FeatureConfig:
     """Standard deviation of the smoothing before SIFT, >= 0."""
     contrast_threshold: float = 0.04
     """SIFT's contrast threshold, >= 0."""
+    max_keypoints: int = 0
+    """Keep about as many of the strongest keypoints (equally strong ones stay together), >= 0; 0: all."""
 
     def __post_init__(self) -> None:
         """Refuse values out of range."""
@@ -47,6 +49,8 @@ class FeatureConfig:
             raise ValueError(f"features.blur_px must be >= 0, got {self.blur_px}")
         if self.contrast_threshold < 0.0:
             raise ValueError(f"features.contrast_threshold must be >= 0, got {self.contrast_threshold}")
+        if self.max_keypoints < 0:
+            raise ValueError(f"features.max_keypoints must be >= 0, got {self.max_keypoints}")
 
 
 @dataclass(frozen=True)
@@ -70,7 +74,7 @@ def extract_features(grid: GridMap, config: FeatureConfig) -> Features:
         The keypoints in a fixed order; possibly none.
     """
     image, corner_m = _render(grid, config)
-    sift = cv2.SIFT.create(contrastThreshold=config.contrast_threshold)
+    sift = cv2.SIFT.create(nfeatures=config.max_keypoints, contrastThreshold=config.contrast_threshold)
     keypoints, descriptors = sift.detectAndCompute(image, None)
     if not keypoints:
         return Features(np.zeros((0, 2)), np.zeros((0, 128), dtype=np.float32))
@@ -106,29 +110,23 @@ def match_features(target: Features, source: Features, config: FeatureConfig) ->
     return matches[np.sort(np.unique(places, axis=0, return_index=True)[1])]
 
 
-def match_many(target: Features, source: Features, num_candidates: int) -> npt.NDArray[np.intp]:
-    """Match each keypoint of either map with its few nearest descriptors of the other, many to many [Blanco13].
+def match_many(target: Features, source: Features, margin: float) -> npt.NDArray[np.intp]:
+    """Match each keypoint of the target with all whose descriptors are about as near as the nearest [Blanco13].
 
     Args:
         target: Keypoints of the map that stays.
         source: Keypoints of the map that moves.
-        num_candidates: Candidates of each keypoint, >= 1.
+        margin: How much farther than the nearest, >= 0, in MRPT's unit for SIFT: the root mean square difference of
+            the 128 numbers, over 64.
 
     Returns:
-        (M, 2) indices ``(target, source)``, sorted, each pair once.
+        (M, 2) indices ``(target, source)``, sorted, many to many, each pair once.
     """
     if len(target.points_grid) == 0 or len(source.points_grid) == 0:
         return np.zeros((0, 2), dtype=np.intp)
-    squared = _squared_distances(target.descriptors, source.descriptors)
-    forward = np.argsort(squared, axis=1, kind="stable")[:, :num_candidates]
-    backward = np.argsort(squared, axis=0, kind="stable")[:num_candidates].T
-    matches = np.concatenate(
-        [
-            np.stack([np.repeat(np.arange(len(forward)), forward.shape[1]), forward.ravel()], axis=1),
-            np.stack([backward.ravel(), np.repeat(np.arange(len(backward)), backward.shape[1])], axis=1),
-        ]
-    )
-    return np.unique(matches, axis=0)
+    squared = np.maximum(_squared_distances(target.descriptors, source.descriptors), 0.0)
+    distances = np.sqrt(squared / target.descriptors.shape[1]) / 64.0
+    return np.argwhere(distances <= distances.min(axis=1, keepdims=True) + margin)
 
 
 def _render(grid: GridMap, config: FeatureConfig) -> tuple[npt.NDArray[Any], npt.NDArray[np.float64]]:

@@ -12,6 +12,7 @@ from merger.pairwise import PairwiseConfig
 from merger.ransac import RansacConfig
 from merger.result import Method
 from merger.robust_config import RobustConfig
+from merger.shrinking_icp import ShrinkingIcpConfig
 from merger.spanning_tree import SpanningTreeConfig
 from merger.trimmed_icp import TrimmedIcpConfig
 
@@ -53,6 +54,8 @@ class MergeConfig:
     """Motion averaging."""
     modes: MotionModesConfig = field(default_factory=MotionModesConfig)
     """Hypotheses of the method `sequential`."""
+    shrinking_icp: ShrinkingIcpConfig = field(default_factory=ShrinkingIcpConfig)
+    """Their refinement."""
     robust: RobustConfig = field(default_factory=RobustConfig)
     """The method `robust`."""
     compositing: CompositingConfig = field(default_factory=CompositingConfig)

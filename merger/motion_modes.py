@@ -1,14 +1,24 @@
-"""Several hypotheses of the motion between two maps, as a sum of Gaussians [Blanco13]."""
+"""Several hypotheses of the motion between two maps, as a sum of Gaussians: the modified RANSAC of [Blanco13].
 
+J. L. Blanco, J. Gonzalez-Jimenez, J. A. Fernandez-Madrigal: A robust, multi-hypothesis approach to matching occupancy
+grid maps, Robotica, 2013. The defaults are the settings that come with its original implementation, MRPT's program
+``grid-matching`` (``gridmatch_example.ini``).
+"""
+
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from scipy.stats import chi2
 
-from merger import se2
+from merger.growth_kernel import grow_set
 from merger.rigid_fit import fit_motion
 
 _Array = npt.NDArray[np.float64]
+_Matches = frozenset[tuple[int, int]]
+
+_DRAWS_AT_ONCE = 4096
 
 
 @dataclass(frozen=True)
@@ -19,34 +29,36 @@ class MotionModesConfig:
         ValueError: a setting is out of its range.
     """
 
-    num_candidates: int = 3
-    """Each keypoint is matched with as many of the other map's, many to many, >= 1."""
-    num_draws: int = 20_000
-    """Pairs of candidates drawn, >= 1."""
-    num_guesses: int = 200
-    """Of those pairs that keep their distance at most as many are tested, >= 1."""
-    min_baseline_m: float = 1.0
-    """The two places of a pair are at least this far apart, > 0."""
-    match_distance_m: float = 0.25
-    """A candidate supports a guess that brings it this close, > 0."""
-    min_support: int = 6
-    """A mode with less support, in keypoints, is dropped, >= 3."""
-    max_modes: int = 8
-    """The heaviest modes are kept, >= 1."""
-    merge_distance_m: float = 0.5
-    """Modes nearer than this in the middle of the source are one, > 0."""
-    merge_angle_rad: float = 0.1
-    """Modes whose angles differ by less are one, > 0."""
+    keypoints_per_m2: float = 0.012
+    """Keypoints of a map, by the area of its known rectangle, > 0 (MRPT's featsPerSquareMeter) ..."""
+    min_keypoints: int = 40
+    """... but at least as many, the strongest, >= 2."""
+    candidate_margin: float = 0.09
+    """Candidates are the keypoints whose descriptor is this close to the best one, >= 0 (threshold_delta)."""
+    place_noise_m: float = 0.2
+    """Standard deviation of a keypoint's place, > 0 (ransac_SOG_sigma_m: two cells of 0.1 m)."""
+    quantile: float = 0.5
+    """Of the chi-square tests of distances and places, in (0, 1) (ransac_chi2_quantile)."""
+    min_inlier_share: float = 0.15
+    """A mode needs more inliers than this share of a map's keypoints, in (0, 1] (ransac_minSetSizeRatio)."""
+    success_probability: float = 0.9999
+    """Probability of a draw without a false match, which sets the number of draws, in (0, 1) (fixed in MRPT)."""
+    max_divergence: float = 0.9
+    """Modes are merged up to this Kullback-Leibler divergence, >= 0 (maxKLd_for_merge)."""
 
     def __post_init__(self) -> None:
         """Refuse values out of range."""
-        limits = {"num_candidates": 1, "num_draws": 1, "num_guesses": 1, "min_support": 3, "max_modes": 1}
-        for name, least in limits.items():
-            if getattr(self, name) < least:
-                raise ValueError(f"modes.{name} must be >= {least}, got {getattr(self, name)}")
-        for name in ("min_baseline_m", "match_distance_m", "merge_distance_m", "merge_angle_rad"):
+        if self.min_keypoints < 2:
+            raise ValueError(f"modes.min_keypoints must be >= 2, got {self.min_keypoints}")
+        for name in ("keypoints_per_m2", "place_noise_m"):
             if not getattr(self, name) > 0.0:
                 raise ValueError(f"modes.{name} must be > 0, got {getattr(self, name)}")
+        for name in ("candidate_margin", "max_divergence"):
+            if getattr(self, name) < 0.0:
+                raise ValueError(f"modes.{name} must be >= 0, got {getattr(self, name)}")
+        for name in ("quantile", "min_inlier_share", "success_probability"):
+            if not 0.0 < getattr(self, name) < 1.0:
+                raise ValueError(f"modes.{name} must be in (0, 1), got {getattr(self, name)}")
 
 
 @dataclass(frozen=True)
@@ -54,95 +66,108 @@ class MotionMode:
     """One Gaussian of the sum."""
 
     T_target_source: _Array
-    """(3, 3) its mean: the best supported guess of the mode."""
+    """(3, 3) its mean, metres."""
     covariance: _Array
-    """(3, 3) spread of the mode's guesses, of v in ``T_target_source @ exp(v)``."""
+    """(3, 3) of the mean's (x, y, theta): m^2, m rad, rad^2."""
     weight: float
-    """Share of the whole sum, 0..1."""
-    support: int
-    """Source keypoints that its mean brings onto one of their candidates."""
+    """Share of the whole sum, 0..1: how often it was drawn."""
+    matches: _Matches
+    """Places (target, source) that its mean brings together, each in one pair only; numbers in the order of places."""
 
 
 def find_modes(
     points_target: _Array,
     points_source: _Array,
-    matches: npt.NDArray[np.intp],
+    candidates: npt.NDArray[np.intp],
     config: MotionModesConfig,
     rng: np.random.Generator,
 ) -> list[MotionMode]:
-    """Guess motions from pairs of candidates and gather them into modes, the heaviest first.
+    """Draw pairs of candidates, let each grow into the largest set of keypoints that agree, and keep the large sets.
+
+    A pair that belongs to a set that is known already adds to its weight. The number of draws follows from the
+    largest set so far. A keypoint with several orientations is one place.
 
     Args:
         points_target: (N, 2) keypoints in the target frame, metres.
         points_source: (M, 2) keypoints in the source frame.
-        matches: (K, 2) candidates ``(target, source)``, many to many.
+        candidates: (K, 2) indices ``(target, source)``, many to many.
         config: Settings.
         rng: Draws the pairs.
 
     Returns:
-        At most ``max_modes`` modes whose weights sum to 1; none if nothing is supported enough.
+        Modes whose weights sum to 1, the heaviest first, not yet merged; none if no set is large enough.
     """
-    matches = matches[np.argsort(matches[:, 1], kind="stable")]
-    target, source = points_target[matches[:, 0]], points_source[matches[:, 1]]
-    guesses = _guess(target, source, config, rng)
-    support = count_support(guesses, target, source, matches[:, 1], config.match_distance_m)
-    order = np.argsort(-support, kind="stable")
-    order = order[support[order] >= config.min_support]
-    guesses, support = guesses[order], support[order]
+    points_target, of_target = np.unique(points_target, axis=0, return_inverse=True)
+    points_source, of_source = np.unique(points_source, axis=0, return_inverse=True)
+    candidates = np.unique(np.stack([of_target[candidates[:, 0]], of_source[candidates[:, 1]]], axis=1), axis=0)
+    if len(candidates) < 2:
+        return []
+    num_keypoints = len(points_target) + len(points_source)
+    least = round(config.min_inlier_share * 0.5 * num_keypoints)
     modes: list[MotionMode] = []
-    while len(guesses) and len(modes) < config.max_modes:
-        near = agree(guesses, guesses[0], source.mean(axis=0), config)
-        offsets = se2.log(se2.invert(guesses[0]) @ guesses[near])
-        covariance = (offsets * support[near, None]).T @ offsets / support[near].sum()
-        modes.append(MotionMode(guesses[0], covariance, float(support[near].sum()), int(support[0])))
-        guesses, support = guesses[~near], support[~near]
+    largest, num_wanted = 0, 1
+    for count, pair in enumerate(_draw_pairs(points_target, points_source, candidates, config, rng)):
+        if count >= num_wanted:
+            break
+        known = next((k for k, mode in enumerate(modes) if pair <= mode.matches), None)
+        if known is not None:
+            modes[known] = replace(modes[known], weight=modes[known].weight + 1.0)
+            continue
+        mode = _grow(points_target, points_source, pair, config)
+        if len(mode.matches) > least:
+            modes.append(mode)
+        if len(mode.matches) > largest:
+            largest = len(mode.matches)
+            share = largest / min(len(points_target), len(points_source))
+            num_wanted = max(2 * num_keypoints, _count_draws(share, config.success_probability))
     total = sum(mode.weight for mode in modes)
     modes.sort(key=lambda mode: -mode.weight)
     return [replace(mode, weight=mode.weight / total) for mode in modes]
 
 
-def count_support(
-    guesses: _Array, target: _Array, source: _Array, source_index: npt.NDArray[np.intp], match_distance_m: float
-) -> npt.NDArray[np.intp]:
-    """Count (G,) source keypoints that (G, 3, 3) guesses bring onto one of their candidates.
-
-    Args:
-        guesses: Motions ``T_target_source``.
-        target: (K, 2) target places of the candidates.
-        source: (K, 2) source places of the candidates.
-        source_index: (K,) the source keypoint of each, ascending.
-        match_distance_m: How close is close.
-    """
-    if len(guesses) == 0 or len(source_index) == 0:
-        return np.zeros(len(guesses), dtype=np.intp)
-    starts = np.flatnonzero(np.diff(source_index, prepend=-1))
-    counts = np.zeros(len(guesses), dtype=np.intp)
-    chunk = max(1, 1_000_000 // len(source))
-    for first in range(0, len(guesses), chunk):
-        offsets = se2.transform_points(guesses[first : first + chunk], source) - target
-        close = np.einsum("gki,gki->gk", offsets, offsets) <= match_distance_m**2
-        counts[first : first + chunk] = np.logical_or.reduceat(close, starts, axis=1).sum(axis=1)
-    return counts
+def _draw_pairs(
+    points_target: _Array,
+    points_source: _Array,
+    candidates: npt.NDArray[np.intp],
+    config: MotionModesConfig,
+    rng: np.random.Generator,
+) -> Iterator[_Matches]:
+    """Pairs of candidates of four keypoints, as far apart in one map as in the other; an end, if there are few."""
+    limit = chi2.ppf(config.quantile, 1)
+    most = 5 * (len(candidates) * (len(candidates) - 1) // 2)  # As in MRPT, so that it ends without a single pair.
+    for _ in range(0, most, _DRAWS_AT_ONCE):
+        drawn = candidates[rng.integers(len(candidates), size=(_DRAWS_AT_ONCE, 2))]
+        drawn = drawn[(drawn[:, 0] != drawn[:, 1]).all(axis=1)]
+        squared_target = _squared_length(points_target[drawn[:, 0, 0]] - points_target[drawn[:, 1, 0]])
+        squared_source = _squared_length(points_source[drawn[:, 0, 1]] - points_source[drawn[:, 1, 1]])
+        variance = 8.0 * config.place_noise_m**2 * (squared_target + squared_source)
+        for a, b in drawn[(squared_target - squared_source) ** 2 <= limit * variance].tolist():
+            yield frozenset((tuple(a), tuple(b)))
 
 
-def agree(
-    T_target_source: _Array, T_other: _Array, center_source: _Array, config: MotionModesConfig
-) -> npt.NDArray[np.bool_]:
-    """Which (G, 3, 3) motions are one mode with another motion: near it in the middle of the source, and in angle."""
-    center = center_source[None]
-    shift = se2.transform_points(T_target_source, center) - se2.transform_points(T_other, center)
-    turn = np.abs(se2.wrap_angle(se2.angle_of(T_target_source) - se2.angle_of(T_other)))
-    near = np.hypot(shift[..., 0, 0], shift[..., 0, 1]) < config.merge_distance_m
-    return np.asarray(near & (turn < config.merge_angle_rad))
+def _grow(points_target: _Array, points_source: _Array, pair: _Matches, config: MotionModesConfig) -> MotionMode:
+    """The mode of the largest set of matches that a pair grows into."""
+    gate = float(chi2.ppf(config.quantile, 2))
+    matches = grow_set(points_target, points_source, np.array(sorted(pair)), config.place_noise_m, gate)
+    chosen = points_source[matches[:, 1]]
+    T = fit_motion(points_target[matches[:, 0]], chosen)
+    covariance = _fit_covariance(chosen @ T[:2, :2].T, config.place_noise_m)
+    return MotionMode(T, covariance, 1.0, frozenset(map(tuple, matches.tolist())))
 
 
-def _guess(target: _Array, source: _Array, config: MotionModesConfig, rng: np.random.Generator) -> _Array:
-    """(G, 3, 3) motions from pairs of candidates whose places are as far apart in both maps."""
-    if len(target) < 2:
-        return np.zeros((0, 3, 3))
-    pairs = rng.integers(len(target), size=(config.num_draws, 2))
-    apart_target = np.linalg.norm(target[pairs[:, 0]] - target[pairs[:, 1]], axis=1)
-    apart_source = np.linalg.norm(source[pairs[:, 0]] - source[pairs[:, 1]], axis=1)
-    keeps = (np.abs(apart_target - apart_source) <= config.match_distance_m) & (apart_source >= config.min_baseline_m)
-    chosen = pairs[keeps][: config.num_guesses]
-    return fit_motion(target[chosen], source[chosen])
+def _fit_covariance(turned: _Array, noise_m: float) -> _Array:
+    """(3, 3) covariance of (x, y, theta) fitted to (N, 2) source points, turned, whose places are off by this noise."""
+    x, y = turned.T
+    count, sx, sy = float(len(turned)), float(x.sum()), float(y.sum())
+    H = np.array([[count, 0.0, -sy], [0.0, count, sx], [-sy, sx, float((x * x + y * y).sum())]])
+    return np.asarray(np.linalg.inv(H) * noise_m**2)
+
+
+def _count_draws(share: float, probability: float) -> int:
+    """Draws until one of two matches is without a false one, with this probability."""
+    miss = np.clip(1.0 - min(share, 1.0) ** 2, 1e-12, 1.0 - 1e-12)
+    return int(np.log(1.0 - probability) / np.log(miss))
+
+
+def _squared_length(offset: _Array) -> _Array:
+    return np.asarray(np.einsum("ni,ni->n", offset, offset))

@@ -1,4 +1,12 @@
-"""The paper's rival: merge two maps into one, then the next into that, in the order given [Blanco13]."""
+"""The paper's rival: merge two maps into one, then the next into that, in the order given [Blanco13].
+
+A step is the algorithm of J. L. Blanco, J. Gonzalez-Jimenez, J. A. Fernandez-Madrigal: A robust, multi-hypothesis
+approach to matching occupancy grid maps, Robotica, 2013, with the settings of its original implementation in MRPT.
+
+Note: The keypoints are SIFT's, as the paper says of its rival (Sec. 4.2); MRPT's own are Harris corners with images of
+their surroundings in polar coordinates. MRPT's limit of a descriptor's distance (threshold_max) is made for those, and
+hardly a match of SIFT's passes it; the margin to the best candidate serves alone.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,13 +20,16 @@ from merger.compositing import composite_maps
 from merger.features import match_many
 from merger.grid_map import GridMap
 from merger.merge_config import MergeConfig, Progress
-from merger.motion_modes import MotionMode, agree, count_support, find_modes
-from merger.pairwise import align_smaller
+from merger.mode_reduction import reduce_modes
+from merger.motion_modes import MotionMode, find_modes
+from merger.nearest_edges import EdgeIndex
 from merger.preparation import PreparedMap, prepare_map
 from merger.random_streams import make_rng
 from merger.result import MapPlacement, MergeResult, Objective, PairResult, PairStatus
+from merger.shrinking_icp import ShrinkingIcpResult, align_points
 from merger.stage_clock import StageClock
-from merger.trimmed_icp import TrimmedIcpResult
+
+_Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -26,18 +37,19 @@ class _Hypothesis:
     """A mode after its refinement."""
 
     mode: MotionMode
-    """The mode; its motion is the refined one, between the frames ``grid``."""
-    T_initial: npt.NDArray[np.float64]
-    """(3, 3) the mode's motion before the refinement."""
-    refined: TrimmedIcpResult
-    """What TrICP says."""
+    """The mode; its mean is the refined motion, between the frames ``grid``."""
+    T_initial: _Array
+    """(3, 3) the mode's mean before the refinement."""
+    refined: ShrinkingIcpResult
+    """What ICP says."""
 
 
 def merge_sequentially(maps: Sequence[GridMap], config: MergeConfig, progress: Progress) -> MergeResult:
     """Merge one map after another into the first one, each time with features extracted afresh.
 
     It fails as such a method fails: a map that cannot be merged when its turn comes is left out, and a wrong one
-    spoils the merged map for all that follow.
+    spoils the merged map for all that follow. The merged map has as many keypoints for its area as any map, so that
+    the next map is an ever smaller part of it.
 
     Args:
         maps: The maps, in the order in which they are merged.
@@ -52,8 +64,8 @@ def merge_sequentially(maps: Sequence[GridMap], config: MergeConfig, progress: P
     require_one_resolution(maps)
     merged, steps = maps[0], list[PairResult]()
     for number, source in enumerate(maps[1:], start=1):
-        target = clock.run("features", prepare_map, merged, config.features)
-        item = clock.run("features", prepare_map, source, config.features)
+        target = clock.run("features", _prepare, merged, config)
+        item = clock.run("features", _prepare, source, config)
         step = clock.run("pairs", merge_next, replace(target, name=maps[0].name), item, config)
         if step.T_target_source is not None:
             merged = clock.run("compositing", _absorb, merged, source, step.T_target_source, config)
@@ -67,83 +79,71 @@ def merge_sequentially(maps: Sequence[GridMap], config: MergeConfig, progress: P
 
 
 def merge_next(target: PreparedMap, source: PreparedMap, config: MergeConfig) -> PairResult:
-    """Find several motions, refine each by ICP, join those that agree, and take the one that is confirmed best.
+    """Find several motions, refine each by ICP, merge those that agree, and take the heaviest that is left.
 
-    Confirmed is a motion by the source keypoints that lie on one of their candidates after the refinement; of
-    equally confirmed ones the heavier mode wins.
+    A motion is refused if ICP matches too few points or moves it farther than its mode is wide.
     """
-    settings = config.modes
-    matches = match_many(target.features, source.features, settings.num_candidates)
-    pair = PairResult(target.name, source.name, PairStatus.NO_MATCH, num_matches=len(matches))
+    candidates = match_many(target.features, source.features, config.modes.candidate_margin)
+    pair = PairResult(target.name, source.name, PairStatus.NO_MATCH, num_matches=len(candidates))
     if target.edges is None or source.edges is None:
         return replace(pair, reason="a map has no wall to align")
     rng = make_rng(config.seed, target.name, source.name)
-    modes = find_modes(target.features.points_grid, source.features.points_grid, matches, settings, rng)
-    hypotheses = [_refine(target, source, mode, config) for mode in modes]
-    joined = _join(hypotheses, source, config)
-    supports = [_confirm(target, source, matches, hypothesis, config) for hypothesis in joined]
-    if max(supports, default=0) < settings.min_support:
-        reason = f"{max(supports, default=0)} keypoints agree on a motion, {settings.min_support} are needed"
-        return replace(pair, num_inliers=max(supports, default=0), reason=reason)
-    best = max(range(len(joined)), key=lambda index: (supports[index], joined[index].mode.weight))
-    return _describe(pair, target, source, joined[best], supports[best])
+    found = find_modes(target.features.points_grid, source.features.points_grid, candidates, config.modes, rng)
+    if not found:
+        return replace(pair, reason="no motion is supported by enough keypoints")
+    modes = reduce_modes(found, config.modes.max_divergence)
+    hypotheses = [_refine(target.edges, source.edges, mode, config) for mode in modes]
+    accepted = [hypothesis for hypothesis in hypotheses if _is_accepted(hypothesis, config)]
+    if not accepted:
+        return replace(pair, reason=f"ICP confirms none of {len(modes)} motions")
+    best = reduce_modes([hypothesis.mode for hypothesis in accepted], config.modes.max_divergence)[0]
+    shifts = [se2.log(se2.invert(best.T_target_source) @ other.mode.T_target_source) for other in accepted]
+    nearest = accepted[int(np.argmin(np.abs(shifts).max(axis=1)))]
+    return _describe(pair, target, source, replace(nearest, mode=best))
 
 
-def _refine(target: PreparedMap, source: PreparedMap, mode: MotionMode, config: MergeConfig) -> _Hypothesis:
-    if target.edges is None or source.edges is None:
-        raise ValueError("a map has no wall to align")
-    refined = align_smaller(target.edges, source.edges, mode.T_target_source, config.icp)
+def _prepare(grid: GridMap, config: MergeConfig) -> PreparedMap:
+    """The map's edge points and its strongest keypoints, as many as its area grants."""
+    known = grid.log_odds != 0.0
+    rows, cols = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+    num_cells = int(np.ptp(rows) + 1) * int(np.ptp(cols) + 1) if len(rows) else 0
+    granted = round(num_cells * grid.resolution_m**2 * config.modes.keypoints_per_m2)
+    return prepare_map(grid, replace(config.features, max_keypoints=max(config.modes.min_keypoints, granted)))
+
+
+def _refine(target: EdgeIndex, source: EdgeIndex, mode: MotionMode, config: MergeConfig) -> _Hypothesis:
+    refined = align_points(target, source.points_grid, mode.T_target_source, config.shrinking_icp)
     return _Hypothesis(replace(mode, T_target_source=refined.T_target_source), mode.T_target_source, refined)
 
 
-def _join(hypotheses: list[_Hypothesis], source: PreparedMap, config: MergeConfig) -> list[_Hypothesis]:
-    """One hypothesis for all that agree after the refinement: the heaviest, with the weights of all."""
-    joined: list[_Hypothesis] = []
-    for hypothesis in hypotheses:
-        center = source.features.points_grid.mean(axis=0)
-        motions = np.array([other.mode.T_target_source for other in joined]).reshape(-1, 3, 3)
-        known = np.flatnonzero(agree(motions, hypothesis.mode.T_target_source, center, config.modes))
-        if len(known):
-            first = joined[known[0]]
-            weight = first.mode.weight + hypothesis.mode.weight
-            joined[known[0]] = replace(first, mode=replace(first.mode, weight=weight))
-        else:
-            joined.append(hypothesis)
-    return joined
+def _is_accepted(hypothesis: _Hypothesis, config: MergeConfig) -> bool:
+    """Whether ICP matches enough points, and ends within the mode's width (Mahalanobis; both motions are uncertain)."""
+    shift = se2.parameters_of(hypothesis.mode.T_target_source) - se2.parameters_of(hypothesis.T_initial)
+    shift[2] = se2.wrap_angle(shift[2])
+    squared = float(shift @ np.linalg.solve(2.0 * hypothesis.mode.covariance, shift))
+    settings = config.shrinking_icp
+    return hypothesis.refined.goodness > settings.min_goodness and squared < settings.max_shift**2
 
 
-def _confirm(
-    target: PreparedMap,
-    source: PreparedMap,
-    matches: npt.NDArray[np.intp],
-    hypothesis: _Hypothesis,
-    config: MergeConfig,
-) -> int:
-    """Source keypoints that the refined motion brings onto one of their candidates."""
-    matches = matches[np.argsort(matches[:, 1], kind="stable")]
-    places = target.features.points_grid[matches[:, 0]], source.features.points_grid[matches[:, 1]]
-    motion = hypothesis.mode.T_target_source[None]
-    return int(count_support(motion, *places, matches[:, 1], config.modes.match_distance_m)[0])
-
-
-def _describe(
-    pair: PairResult, target: PreparedMap, source: PreparedMap, best: _Hypothesis, support: int
-) -> PairResult:
+def _describe(pair: PairResult, target: PreparedMap, source: PreparedMap, best: _Hypothesis) -> PairResult:
     T_source_map_grid = se2.invert(source.T_map_grid)
+    turn = best.mode.T_target_source.copy()
+    turn[:2, 2] = 0.0
+    information = turn.T @ np.linalg.inv(best.mode.covariance) @ turn
     return replace(
         pair,
         status=PairStatus.RELIABLE,
         T_target_source=target.T_map_grid @ best.mode.T_target_source @ T_source_map_grid,
         T_target_source_initial=target.T_map_grid @ best.T_initial @ T_source_map_grid,
-        num_inliers=support,
-        overlap=best.refined.overlap,
+        num_inliers=len(best.mode.matches),
+        overlap=best.refined.goodness,
         rmse_m=best.refined.rmse_m,
-        information=se2.chain_information(best.refined.information, T_source_map_grid),
+        information=se2.chain_information(information, T_source_map_grid),
         in_tree=True,
     )
 
 
-def _absorb(merged: GridMap, source: GridMap, T_merged_source: npt.NDArray[np.float64], config: MergeConfig) -> GridMap:
+def _absorb(merged: GridMap, source: GridMap, T_merged_source: _Array, config: MergeConfig) -> GridMap:
     """The merged map with one more map in it, in the cells that it had."""
     motions = np.stack([np.eye(3), T_merged_source])
     return composite_maps([merged, source], motions, merged.T_map_grid, merged.resolution_m, config.compositing)

@@ -54,7 +54,7 @@ def test_a_map_with_nothing_to_see_has_no_keypoint_and_no_match():
     empty = extract_features(GridMap("a", np.zeros((40, 40), dtype=np.float32), 0.05), FeatureConfig())
     assert empty.points_grid.shape == (0, 2)
     assert match_features(empty, empty, FeatureConfig()).shape == (0, 2)
-    assert match_many(empty, empty, 3).shape == (0, 2)
+    assert match_many(empty, empty, 0.1).shape == (0, 2)
 
 
 def _random_features(seed, count):
@@ -91,14 +91,21 @@ def test_a_place_with_several_orientations_is_matched_once():
     assert len(matches) == len(places) == 20
 
 
-def test_many_to_many_candidates_hold_the_nearest_of_both_maps():
+def test_many_to_many_candidates_are_as_near_as_the_nearest_but_for_a_margin():
     a, b = _random_features(2, 25), _random_features(3, 35)
-    matches = {tuple(row) for row in match_many(a, b, 2).tolist()}
-    squared = ((a.descriptors[:, None] - b.descriptors[None]) ** 2).sum(axis=2)
-    for t in range(25):
-        assert {(t, int(s)) for s in np.argsort(squared[t])[:2]} <= matches
-    for s in range(35):
-        assert {(int(t), s) for t in np.argsort(squared[:, s])[:2]} <= matches
+    matches = {tuple(row) for row in match_many(a, b, 0.05).tolist()}
+    distances = np.sqrt(((a.descriptors[:, None] - b.descriptors[None]) ** 2).mean(axis=2)) / 64.0
+    expected = {(t, s) for t in range(25) for s in range(35) if distances[t, s] <= distances[t].min() + 0.05}
+    assert matches == expected
+    assert len({s for _, s in matches}) < len(matches) > 25
+
+
+def test_as_many_keypoints_are_kept_as_asked_for_and_the_strongest(cut_map):
+    grid = cut_map("a", (0.0, 15.0), np.eye(3))
+    everything = extract_features(grid, FeatureConfig())
+    strongest = extract_features(grid, FeatureConfig(max_keypoints=40))
+    assert 40 <= len(strongest.points_grid) <= 44 < len(everything.points_grid)
+    assert {tuple(p) for p in strongest.points_grid} <= {tuple(p) for p in everything.points_grid}
 
 
 def test_guesses_find_a_motion_that_a_third_of_the_matches_support():

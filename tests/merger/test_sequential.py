@@ -1,19 +1,18 @@
 import json
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from merger import se2
 from merger.grid_map import GridMap
-from merger.motion_modes import MotionModesConfig, find_modes
+from merger.motion_modes import MotionModesConfig
 from merger.pipeline import MergeConfig, Method, merge_maps
 from merger.result import PairStatus
 from merger.result_json import to_json_dict
+from merger.shrinking_icp import ShrinkingIcpConfig
 
-_QUICK = MotionModesConfig(num_draws=5000, num_guesses=60)
-_SEQUENTIAL = MergeConfig(method=Method.SEQUENTIAL, composite=False, modes=_QUICK)
+_SEQUENTIAL = MergeConfig(method=Method.SEQUENTIAL, composite=False)
 
 
 def test_maps_are_merged_one_after_another_into_the_first(three_maps):
@@ -40,7 +39,7 @@ def test_a_map_whose_turn_comes_too_early_is_left_out_with_its_reason(three_maps
 
 def test_maps_that_never_meet_are_all_left_out(cut_map):
     maps = [cut_map("a", (0.0, 5.5), np.eye(3)), cut_map("b", (18.5, 24.0), np.eye(3), seed=5)]
-    result = merge_maps(maps, replace(_SEQUENTIAL, modes=replace(_QUICK, min_support=40)))
+    result = merge_maps(maps, replace(_SEQUENTIAL, modes=MotionModesConfig(min_inlier_share=0.9)))
     assert result.components == (("a",), ("b",))
     assert result.num_placed == 0
     assert all(placement.reason for placement in result.maps)
@@ -60,28 +59,8 @@ def test_the_same_seed_gives_the_same_result(three_maps):
     assert len(texts) == 1
 
 
-def test_two_motions_with_equal_support_give_two_modes_with_their_weights():
-    rng = np.random.default_rng(0)
-    truth = [se2.make_motion(1.0, 2.0, 0.4), se2.make_motion(-6.0, 0.0, -2.0)]
-    source = rng.uniform(-8, 8, size=(80, 2))
-    target = np.concatenate([se2.transform_points(T, source) for T in truth])
-    matches = np.stack([np.arange(160), np.tile(np.arange(80), 2)], axis=1)
-    modes = find_modes(target, source, matches, MotionModesConfig(), rng)
-    assert len(modes) >= 2
-    assert sum(mode.weight for mode in modes) == pytest.approx(1.0)
-    assert all(first.weight >= second.weight for first, second in pairwise(modes))
-    for T in truth:
-        assert min(np.abs(mode.T_target_source - T).max() for mode in modes[:2]) < 1e-6
-    assert all(np.linalg.eigvalsh(mode.covariance).min() >= -1e-12 for mode in modes)
-    assert modes[0].support == 80
-
-
-def test_without_candidates_there_is_no_mode():
-    none = np.zeros((0, 2), dtype=np.intp)
-    points = np.zeros((3, 2))
-    assert find_modes(points, points, none, MotionModesConfig(), np.random.default_rng(0)) == []
-
-
 def test_settings_out_of_range_are_refused():
-    with pytest.raises(ValueError, match=r"modes\.min_support must be >= 3, got 2"):
-        MotionModesConfig(min_support=2)
+    with pytest.raises(ValueError, match=r"modes\.min_keypoints must be >= 2, got 1"):
+        MotionModesConfig(min_keypoints=1)
+    with pytest.raises(ValueError, match=r"shrinking_icp\.shrink must be in \(0, 1\), got 1"):
+        ShrinkingIcpConfig(shrink=1.0)
