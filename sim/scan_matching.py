@@ -35,7 +35,7 @@ class ScanMatchingConfig:
 
     resolution_m: float = 0.05
     """Side of a cell of the field, > 0."""
-    sigma_m: float = 0.08
+    sigma_m: float = 0.05
     """Width of the field around a surface, > 0."""
     search_sigmas: float = 3.0
     """Half the width of the search, in standard deviations of the odometry since the last scan, > 0."""
