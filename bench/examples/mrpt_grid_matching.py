@@ -8,7 +8,8 @@ where MRPT is missing.
 MRPT reads no maps but scans, which the bench gives for ``{scans}``: a CARMEN log for each map, in the map's frame. Maps
 are merged one after the other, in the order of ``order.txt`` beside the folder of maps: the scans that are already
 merged are one map, the next map is matched to it, and one that cannot be matched is left out. With ``--pairwise`` every
-pair is matched instead, and the maps are chained along the pairs whose maps agree best.
+pair is matched instead, and the maps are chained along the pairs whose maps agree best. The settings are those of the
+example that comes with MRPT; the program's own defaults ask for more inliers, and leave most maps out.
 
 Trap: without the line ``PARAM laser_front_laser_resolution``, MRPT draws 180 beams as a fan of 90 degrees.
 """
@@ -28,6 +29,8 @@ SKIPPED = 77
 """Exit status for "cannot run here"."""
 PROGRAMS = ("carmen2simplemap", "grid-matching")
 """What must be installed."""
+EXAMPLE = "share/mrpt/config_files/grid-matching/gridmatch_example.ini"
+"""The author's settings, below the prefix of the installation."""
 
 
 @dataclass(frozen=True)
@@ -61,9 +64,19 @@ def main() -> int:
     names = (maps.parent / "order.txt").read_text().split()
     logs = {name: (scans / f"{name}.log").read_text().splitlines() for name in names}
     with tempfile.TemporaryDirectory() as work:
+        write_settings(Path(work))
         components, pairs = (merge_by_pairs if pairwise else merge_in_order)(logs, Path(work))
     write_result(out, components, pairs)
     return 0
+
+
+def write_settings(work: Path) -> None:
+    """Put MRPT's example settings into the working folder, without the pictures that they ask for."""
+    example = Path(shutil.which(PROGRAMS[1]) or "").resolve().parents[1] / EXAMPLE
+    lines = example.read_text(errors="replace").splitlines() if example.is_file() else []
+    kept = [line for line in lines if not line.startswith("debug_save_map_pairs")]
+    if kept:
+        (work / "settings.ini").write_text("\n".join(kept) + "\n")
 
 
 Component = dict[str, Motion]
@@ -119,6 +132,8 @@ def match(target: Path, source: Path, work: Path) -> tuple[float, Motion] | None
     modes.unlink(missing_ok=True)
     goodness.unlink(missing_ok=True)
     command = ["grid-matching", "-1", str(target), "-2", str(source), "-m", "-g", "-n", "-o", str(modes)]
+    if (work / "settings.ini").is_file():
+        command += ["-c", str(work / "settings.ini")]
     subprocess.run([*command, "-i", str(goodness)], check=True, capture_output=True, cwd=work)
     rows = [[float(word) for word in line.split()] for line in modes.read_text().splitlines() if line[:1] != "%"]
     if not rows:

@@ -141,6 +141,18 @@ def test_mrpt_in_order_leaves_out_what_it_cannot_match_and_chains_pairs_by_agree
     assert len(json.loads((tmp_path / "result.json").read_text())["pairs"]) == 2
 
 
+def test_mrpt_runs_with_its_example_settings_but_draws_no_pictures(monkeypatch, tmp_path):
+    mrpt = load("mrpt_grid_matching")
+    example = tmp_path / mrpt.EXAMPLE
+    example.parent.mkdir(parents=True)
+    monkeypatch.setattr(mrpt.shutil, "which", lambda program: str(tmp_path / "bin" / program))
+    mrpt.write_settings(tmp_path)
+    assert not (tmp_path / "settings.ini").exists()
+    example.write_text("[grid-match]\nmin_ICP_goodness = 0.30\ndebug_save_map_pairs\t= 1\n")
+    mrpt.write_settings(tmp_path)
+    assert (tmp_path / "settings.ini").read_text() == "[grid-match]\nmin_ICP_goodness = 0.30\n"
+
+
 @pytest.mark.skipif(not has_mrpt(), reason="mrpt-apps is not installed")
 def test_mrpt_answers_for_every_map(dataset, tmp_path):
     call_command(shipped_command("mrpt"), sorted((dataset.path / "maps").glob("*.yaml")), tmp_path)
