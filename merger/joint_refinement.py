@@ -28,7 +28,7 @@ class JointRefinementConfig:
         ValueError: a setting is out of its range.
     """
 
-    cutoffs_m: tuple[float, ...] = (0.3, 0.25, 0.2, 0.2, 0.15, 0.15, 0.15, 0.15)
+    cutoffs_m: tuple[float, ...] = (0.3, 0.25, 0.2, 0.2, 0.15, 0.15, 0.12, 0.1, 0.1)
     """Distance beyond which a wall point has no say, metres, one for each step; > 0."""
     min_overlap_m: float = 1.0
     """Pairs with less agreeing wall are left out, metres, > 0."""
@@ -36,12 +36,14 @@ class JointRefinementConfig:
     """Steps end early once none is longer at the last cut-off, metres and radians, > 0."""
     metre_variance_m3: float = 2.5e-3
     """Variance of what one metre of wall says about a shift: residuals of 0.05 m, independent every metre; > 0."""
+    independent_m: float = 2.0
+    """The errors of two maps' walls are not independent: many metres of wall say hardly more than so many; > 0."""
 
     def __post_init__(self) -> None:
         """Refuse values out of range."""
         if not self.cutoffs_m or min(self.cutoffs_m) <= 0.0:
             raise ValueError(f"cutoffs_m must be > 0 m, got {self.cutoffs_m}")
-        for name in ("min_overlap_m", "tolerance", "metre_variance_m3"):
+        for name in ("min_overlap_m", "tolerance", "metre_variance_m3", "independent_m"):
             if not getattr(self, name) > 0.0:
                 raise ValueError(f"{name} must be > 0, got {getattr(self, name)}")
 
@@ -113,7 +115,9 @@ def _covariance(edges: npt.NDArray[np.intp], H: Array, T: Array, config: JointRe
     """Covariance of every map relative to the first, from the normal equations of the last step."""
     count = len(T)
     normal = np.zeros((count, count, 3, 3))
-    for (i, j), block in zip(edges.tolist(), H, strict=True):
+    lengths_m = 0.5 * (H[:, 0, 0] + H[:, 1, 1])
+    limited = H / (1.0 + lengths_m / config.independent_m)[:, None, None]
+    for (i, j), block in zip(edges.tolist(), limited, strict=True):
         normal[i, i] += block
         normal[j, j] += block
         normal[i, j] -= block

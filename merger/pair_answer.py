@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -54,15 +54,16 @@ def _confirm(pair: tuple[int, int], T_i_j: Array, findings: Findings, config: Me
     """
     target, source = (findings.described[number].structure for number in pair)
     pairs, least_m = config.robust.consensus.pairs, config.robust.min_shared * min(target.length_m, source.length_m)
+    near = replace(pairs, same_m=0.5 * pairs.same_m, same_deg=0.5 * pairs.same_deg)
     motions = findings.hypotheses[pair]
-    found = confirmed_motion(motions, T_i_j, source, config)
+    found = confirmed_motion(motions, T_i_j, source, near)
     if found is None:
         glance = measure_evidence(target, source, T_i_j, pairs.verification, pairs.num_quick_points)
         if glance.near_m < least_m:
             return None
         T = align_walls(target, source, T_i_j, pairs.fine)
         judged = judge_motions(target, source, [T, *(motion.T_target_source for motion in motions)], pairs)
-        found = confirmed_motion(judged, T_i_j, source, config)
+        found = confirmed_motion(judged, T_i_j, source, near)
     return found if found is not None and 0.0 < found.evidence.near_m >= least_m else None
 
 
@@ -151,7 +152,7 @@ def _joined(i: int, j: int, findings: Findings) -> bool:
 def _tree_pairs(findings: Findings, config: MergeConfig) -> set[tuple[int, int]]:
     """The pair with most agreeing wall between the two sides of each join, among the confirmed ones."""
     place = {m: (g, k) for g in findings.groups for k, m in enumerate(g.members)}
-    tree = set()
+    tree, pairs = set(), config.robust.consensus.pairs
     for join in findings.agreement.joins:
         best: tuple[float, tuple[int, int]] | None = None
         for a in join.members:
@@ -159,7 +160,7 @@ def _tree_pairs(findings: Findings, config: MergeConfig) -> set[tuple[int, int]]
                 i, j = min(a, b), max(a, b)
                 group = place[i][0]
                 T_i_j = se2.invert(group.T_first_map[place[i][1]]) @ group.T_first_map[place[j][1]]
-                found = confirmed_motion(findings.hypotheses[(i, j)], T_i_j, findings.described[j].structure, config)
+                found = confirmed_motion(findings.hypotheses[(i, j)], T_i_j, findings.described[j].structure, pairs)
                 if found is not None and (best is None or found.score_m > best[0]):
                     best = (found.score_m, (i, j))
         if best is not None:

@@ -12,7 +12,7 @@ from merger.consensus import Agreement
 from merger.dense_search import CoarseMap, coarsen, search_motions
 from merger.feature_hypotheses import propose_motion
 from merger.grid_map import GridMap
-from merger.hypotheses import Hypothesis, find_hypotheses, is_same_motion
+from merger.hypotheses import HypothesesConfig, Hypothesis, find_hypotheses, is_same_motion
 from merger.joint_refinement import refine_jointly
 from merger.map_group import PairHypotheses
 from merger.merge_config import MergeConfig, Progress
@@ -115,11 +115,10 @@ def refine_groups(
 
 
 def confirmed_motion(
-    hypotheses: Sequence[Hypothesis], T_target_source: Array, source: WallStructure, config: MergeConfig
+    hypotheses: Sequence[Hypothesis], T_target_source: Array, source: WallStructure, pairs: HypothesesConfig
 ) -> Hypothesis | None:
     """The motion in question that agrees with a placement, (3, 3) ``T_target_source``; None if there is none."""
     for hypothesis in hypotheses:
-        pairs = config.robust.consensus.pairs
         if is_same_motion(hypothesis.T_target_source, T_target_source, source.center_map, pairs):
             return hypothesis
     return None
@@ -137,7 +136,7 @@ def _confirmed_motions(
     for (a, i), (b, j) in combinations(enumerate(members), 2):
         target, source = described[i].structure, described[j].structure
         T_i_j = se2.invert(T_group_map[a]) @ T_group_map[b]
-        found = confirmed_motion(hypotheses.get((i, j), ()), T_i_j, source, config)
+        found = confirmed_motion(hypotheses.get((i, j), ()), T_i_j, source, config.robust.consensus.pairs)
         if found is None:
             continue
         edges.append((a, b))
