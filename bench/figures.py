@@ -1,5 +1,6 @@
 """The paper's figures: matches and motions (6), an unreliable pair (7), coarse and fine (8), rivals (9)."""
 
+import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,10 +10,11 @@ import numpy.typing as npt
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from bench import drawing, pair_metrics
-from bench.drawing import PAIR_COLOURS, Label, Picture
+from bench.drawing import PAIR_COLOURS, Label, Picture, map_colours
 from bench.exhibit import Exhibit
 from bench.merged_picture import draw_merge, frame_of
 from bench.prediction import PredictedPair
@@ -49,8 +51,10 @@ def draw_pairs(exhibit: Exhibit, folder: Path) -> Picture:
             axis.set_yticks(range(count), names)
             axis.tick_params(length=0, labelsize=8)
             axis.set_xlabel("map")
+            axis.set_ylabel("map")
         handles = [Patch(color=PAIR_COLOURS[key], label=text) for key, text in _PAIR_WORDS.items()]
-        figure.legend(handles=handles, loc="outside lower right", ncols=3, fontsize=9)
+        cross = Line2D([], [], linestyle="", marker="x", color=axes[2].title.get_color(), label="wrong, by the truth")
+        figure.legend(handles=[*handles, cross], loc="outside lower right", ncols=4, fontsize=9)
     num_motions = sum(p.T_target_source is not None for p in exhibit.prediction.pairs)
     alt = (
         f"Three matrices of the {count} maps of {exhibit.label}: matches that agree, the {num_motions} pairs with a "
@@ -147,17 +151,27 @@ def _draw_panels(
     with drawing.style():
         aspect = raster.rows / raster.cols
         width = 3.5 * len(panels)
-        figure = drawing.new_figure(width, 3.5 * min(max(aspect, 0.25), 1.6) + 0.4)
+        figure = drawing.new_figure(width, 3.5 * min(max(aspect, 0.25), 1.6) + 0.4 + 0.25 * math.ceil(len(shown) / 12))
         for axis, (text, poses) in zip(np.atleast_1d(figure.subplots(1, len(panels))), panels, strict=True):
             axis.imshow(draw_merge(maps, poses, raster), interpolation="nearest")
             axis.set_title(text)
             axis.set_axis_off()
+        _add_scale(figure.axes[0], raster.cell_m)
+        handles = [Patch(color=map_colours(len(maps))[k], label=maps[k].name) for k in shown]
+        figure.legend(handles=handles, loc="outside lower center", ncols=12, fontsize=8, handlelength=1.0)
     rows = [
         {"panel": text, "map": m.name, **dict(zip(("x_m", "y_m", "theta_rad"), se2.parameters_of(T), strict=True))}
         for text, poses in panels
         for m, T in zip(maps, poses, strict=True)
     ]
     return drawing.save_picture(figure, folder, label, pd.DataFrame(rows))
+
+
+def _add_scale(axis: Axes, cell_m: float) -> None:
+    """A bar of 5 m in the lower left corner of an image whose pixels have this side."""
+    bottom = axis.get_ylim()[0]
+    axis.plot([0.0, 5.0 / cell_m], [bottom, bottom], linewidth=2.0, color=axis.title.get_color(), clip_on=False)
+    axis.text(5.6 / cell_m, bottom, "5 m", va="center", fontsize=8)
 
 
 def _draw_counts(axis: Axes, counts: npt.NDArray[np.float64]) -> None:
