@@ -10,9 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import chi2
 
-from merger.growth_kernel import grow_set
 from merger.rigid_fit import fit_motion
 
 _Array = npt.NDArray[np.float64]
@@ -133,6 +131,8 @@ def _draw_pairs(
     rng: np.random.Generator,
 ) -> Iterator[_Matches]:
     """Pairs of candidates of four keypoints, as far apart in one map as in the other; an end, if there are few."""
+    from scipy.stats import chi2  # noqa: PLC0415 # slow to import, and only the method sequential needs it
+
     limit = chi2.ppf(config.quantile, 1)
     most = 5 * (len(candidates) * (len(candidates) - 1) // 2)  # As in MRPT, so that it ends without a single pair.
     for _ in range(0, most, _DRAWS_AT_ONCE):
@@ -147,6 +147,10 @@ def _draw_pairs(
 
 def _grow(points_target: _Array, points_source: _Array, pair: _Matches, config: MotionModesConfig) -> MotionMode:
     """The mode of the largest set of matches that a pair grows into."""
+    from scipy.stats import chi2  # noqa: PLC0415 # see _draw_pairs
+
+    from merger.growth_kernel import grow_set  # noqa: PLC0415 # numba is slow to load
+
     gate = float(chi2.ppf(config.quantile, 2))
     matches = grow_set(points_target, points_source, np.array(sorted(pair)), config.place_noise_m, gate)
     chosen = points_source[matches[:, 1]]

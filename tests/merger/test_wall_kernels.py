@@ -1,5 +1,8 @@
 """The loops over walls, each beside a slow way to do the same."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -115,3 +118,8 @@ def slope_of(T: np.ndarray, moved: np.ndarray, fixed: np.ndarray, direction: np.
     for v in np.vstack([np.zeros(3), 1e-6 * np.eye(3), -1e-6 * np.eye(3)]):
         values.append(direction @ (se2.transform_points(se2.exp(v) @ T, moved[None])[0] - fixed))
     return (values[0], *((up - down) / 2e-6 for up, down in zip(values[1:4], values[4:], strict=True)))
+
+
+def test_the_robust_method_starts_without_compiler_and_scipy():
+    code = "import sys, merger.pipeline; sys.exit(any(name in sys.modules for name in ('numba', 'scipy')))"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
