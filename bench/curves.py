@@ -77,10 +77,10 @@ def draw_success(curve: pd.DataFrame, key: str, folder: Path) -> Picture:
             axis.set(title=title, xlabel=key, ylim=(-0.03, 1.03))
             axis.yaxis.set_major_formatter(lambda value, _position: f"{100 * value:.0f} %")
             axis.grid(visible=True)
-            axis.set_xticks(places, [format_value(value) for value in dict.fromkeys(curve[key])])
+            axis.set_xticks(places, [_tick(value) for value in dict.fromkeys(curve[key])])
         for level in LEVELS:
             left.axhline(level, linestyle=":", linewidth=1, color="#888888")
-        figure.legend(*left.get_legend_handles_labels(), loc="outside upper right", ncols=len(methods))
+        figure.legend(*left.get_legend_handles_labels(), loc="outside upper left", ncols=len(methods))
     alt = f"Success of {', '.join(methods)} against {key} and placed maps that are wrong, with 95 % intervals."
     return drawing.save_picture(figure, folder, Label(f"success-{key}", f"Success against {key}", alt), curve)
 
@@ -110,7 +110,7 @@ def draw_errors(results: Results, folder: Path) -> Picture | None:
             axis.axvline(0.5 if unit == "m" else 2.0, linestyle=":", linewidth=1, color="#888888")
             axis.set(xscale="log", ylim=(0, 1.03), xlabel=f"error, {unit}", ylabel="share of all maps within it")
             axis.grid(visible=True)
-        figure.legend(*axis.get_legend_handles_labels(), loc="outside upper right", ncols=len(methods))
+        figure.legend(*axis.get_legend_handles_labels(), loc="outside upper left", ncols=len(methods))
     alt = "Share of all maps placed within an error, for each method; beyond the dotted line a map is wrong."
     return drawing.save_picture(
         figure, folder, Label("errors", "How far maps are from where they belong", alt), pd.DataFrame(rows)
@@ -159,7 +159,7 @@ def draw_recall(recall: pd.DataFrame, folder: Path) -> Picture:
             axis.set_xticks(np.arange(len(group)), list(group["overlap"]))
         axis.set(xlabel="true overlap of the pair", ylabel="pairs with a right motion", ylim=(-0.03, 1.03))
         axis.grid(visible=True, axis="y")
-        figure.legend(*axis.get_legend_handles_labels(), loc="outside upper right", ncols=len(methods))
+        figure.legend(*axis.get_legend_handles_labels(), loc="outside upper left", ncols=len(methods))
     alt = "Pairs with a right motion, by true overlap and method, with 95 % intervals; rings: before confirmation."
     return drawing.save_picture(figure, folder, Label("recall", "Which pairs are found", alt), recall)
 
@@ -196,6 +196,10 @@ def draw_reliability(results: Results, folder: Path) -> Picture | None:
     return drawing.save_picture(
         figure, folder, Label("reliability", "Are confidences honest?", alt), pd.DataFrame(rows)
     )
+
+
+def _tick(value: object) -> str:
+    return f"{value:g}" if isinstance(value, (int, float)) else format_value(value)
 
 
 def _positions(values: "pd.Series[Any]", of: "pd.Series[Any]") -> npt.NDArray[np.float64]:

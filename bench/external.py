@@ -20,6 +20,7 @@ SCANS = "{scans}"
 SKIP_STATUS = 77
 """Exit status of a command that cannot run here (as in Automake); its last line on stderr is the reason."""
 _ORDER = "order.txt"
+_TAIL_BYTES = 4096
 
 
 def check_command(command: str) -> None:
@@ -116,5 +117,12 @@ def _run(words: list[str], folder: Path) -> tuple[int, str]:
             )
     except OSError as error:
         raise RuntimeError(f"the command cannot be started: {error.strerror}: {words[0]}") from None
-    lines = log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
-    return done.returncode, " ".join(lines[-1].split())[:300] if lines else ""
+    return done.returncode, _last_line(log)
+
+
+def _last_line(log: Path) -> str:
+    """The last line of a file, from its last kilobytes: a program may have written any amount."""
+    with log.open("rb") as file:
+        file.seek(max(log.stat().st_size - _TAIL_BYTES, 0))
+        lines = file.read().decode("utf-8", errors="replace").strip().splitlines()
+    return " ".join(lines[-1].split())[:300] if lines else ""

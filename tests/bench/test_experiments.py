@@ -171,6 +171,13 @@ def test_an_external_method_never_sees_the_truth(tmp_path: Path, store: Store, t
         ("pass", {}, "no result.json was written"),
         ("import sys, pathlib; pathlib.Path(sys.argv[2], 'result.json').write_text('{')", {}, "not JSON"),
         (HONEST.replace("in enumerate(names)", "in enumerate(names[1:])"), {}, "partial: it leaves out map_00"),
+        (HONEST.replace("in enumerate(names)", "in enumerate([*names, 'x'])"), {}, "maps that were not given: x"),
+        (HONEST.replace('"x": 0.0', '"x": float("nan")'), {}, "T_ref_map.x' must be a finite number, got nan"),
+        (
+            "import os; [os.write(f, b'x' * 999 + b'\\n') for f in (1, 2) for _ in range(9999)]; os._exit(9)",
+            {},
+            "status 9",
+        ),
     ],
 )
 def test_an_external_method_that_fails_is_a_row_with_its_reason(
