@@ -28,6 +28,11 @@ _START_WIDTH_M = 0.4
 """A start is kept free like a door of this width."""
 _ROBOT_RADIUS_M = 0.32
 """Generated buildings let a robot of this radius into every room."""
+_LARGEST_M = 150.0
+_ROOM_SHARE_M2 = (25.0, 60.0)
+"""A room with its share of the corridors, and of what the building leaves out of its width times its depth."""
+_FEWEST_SHARE = 0.7
+"""A building with a smaller share of the rooms that were asked for is another one."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +46,7 @@ class OfficeConfig:
     depth_m: float | None = None
     """Depth of the building, in [12, 150]; none: 18 to 36 m."""
     num_rooms: int | None = None
-    """About so many rooms, >= 1; none: rooms of usual size."""
+    """About so many rooms, in [1, 2000]; none: rooms of usual size. A size that is not given grows with them."""
     corridor_m: float | None = None
     """Width of the corridors, in [1.4, 6]; none: 1.6 to 2.8 m."""
     repeated: float = 0.35
@@ -53,7 +58,12 @@ class OfficeConfig:
 
     def __post_init__(self) -> None:
         """Refuse impossible values."""
-        limits = {"width_m": (12.0, 150.0), "depth_m": (12.0, 150.0), "corridor_m": (1.4, 6.0), "num_rooms": (1, 2000)}
+        limits = {
+            "width_m": (12.0, _LARGEST_M),
+            "depth_m": (12.0, _LARGEST_M),
+            "corridor_m": (1.4, 6.0),
+            "num_rooms": (1, 2000),
+        }
         limits |= {"repeated": (0.0, 1.0), "loops": (0.0, 1.0), "glass": (0.0, 1.0)}
         for name, (low, high) in limits.items():
             value = getattr(self, name)
@@ -74,8 +84,8 @@ def draw_office(config: OfficeConfig, furnish: FurnishConfig, seed: int) -> Plan
     """
     fault = ""
     for attempt in range(_ATTEMPTS):
-        plan = _draw(config, furnish, f"office_{seed}", make_stream(seed, Purpose.WORLD, attempt))
         try:
+            plan = _draw(config, furnish, f"office_{seed}", make_stream(seed, Purpose.WORLD, attempt))
             check_plan(plan, outline_segments(plan.solids)[0], _ROBOT_RADIUS_M)
         except ValueError as error:
             fault = str(error)
@@ -85,7 +95,7 @@ def draw_office(config: OfficeConfig, furnish: FurnishConfig, seed: int) -> Plan
 
 
 def _draw(config: OfficeConfig, furnish: FurnishConfig, name: str, rng: np.random.Generator) -> Plan:
-    size_m = (config.width_m or rng.uniform(22.0, 46.0), config.depth_m or rng.uniform(18.0, 36.0))
+    size_m = _draw_size(config, rng)
     corridor_m = config.corridor_m or rng.uniform(1.6, 2.8)
     shape = draw_shape(config.style, size_m, corridor_m, rng)
     floor = _cut(shape, config, rng)
@@ -107,6 +117,19 @@ def _draw(config: OfficeConfig, furnish: FurnishConfig, name: str, rng: np.rando
     return _turned(Plan(name, tuple(solids), tuple(a.room for a in areas), starts), angle)
 
 
+def _draw_size(config: OfficeConfig, rng: np.random.Generator) -> tuple[float, float]:
+    """Width and depth; what is not given is drawn, and enlarged as far as the rooms that are wanted need it."""
+    width_m, depth_m = config.width_m or rng.uniform(22.0, 46.0), config.depth_m or rng.uniform(18.0, 36.0)
+    if config.num_rooms is None:
+        return width_m, depth_m
+    more = max(config.num_rooms * rng.uniform(*_ROOM_SHARE_M2) / (width_m * depth_m), 1.0)
+    if config.width_m is None:
+        width_m *= more if config.depth_m else math.sqrt(more)
+    if config.depth_m is None:
+        depth_m *= more if config.width_m else math.sqrt(more)
+    return min(width_m, _LARGEST_M), min(depth_m, _LARGEST_M)
+
+
 def _cut(shape: FloorShape, config: OfficeConfig, rng: np.random.Generator) -> FloorLabels:
     """Cut into rooms of a usual width, or of the width that comes nearest to the number wanted."""
     seed = int(rng.integers(1 << 31))
@@ -116,8 +139,10 @@ def _cut(shape: FloorShape, config: OfficeConfig, rng: np.random.Generator) -> F
         cut_rooms(shape, width_m, config.repeated, np.random.default_rng(seed))
         for width_m in np.geomspace(2.2, 25.0, 9)
     ]
-    ways = 1 + len(shape.halls)
-    return min(floors, key=lambda floor: abs(len(np.unique(floor.labels)) - 1 - ways - (config.num_rooms or 0)))
+    counts = [len(np.unique(floor.labels)) - 2 - len(shape.halls) for floor in floors]
+    if max(counts) < _FEWEST_SHARE * config.num_rooms:
+        raise ValueError(f"office.num_rooms={config.num_rooms}: the building has place for {max(counts)} rooms")
+    return floors[int(np.argmin(np.abs(np.array(counts) - config.num_rooms)))]
 
 
 def _free_cells(shape: tuple[int, ...], solids: list[Solid]) -> npt.NDArray[np.bool_]:

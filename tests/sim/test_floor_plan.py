@@ -59,6 +59,12 @@ def test_size_and_number_of_rooms_are_as_asked_for() -> None:
     assert max(x1 - x0, y1 - y0) < np.hypot(41.0, 31.0)
 
 
+def test_a_building_of_no_given_size_grows_with_its_rooms_and_an_impossible_number_is_refused() -> None:
+    assert abs(len(office(1, style=Style.SPINE, num_rooms=50).rooms) - 51) <= 16
+    with pytest.raises(ValueError, match=r"office\.num_rooms=80: the building has place for \d+ rooms"):
+        office(1, style=Style.HALL, num_rooms=80)
+
+
 def test_clutter_can_be_left_out_without_moving_a_wall() -> None:
     config = OfficeConfig(style=Style.SPINE)
     bare = read_world("office", office=config, furnish=FurnishConfig(furniture=0.0, clutter=0.0), seed=4)
