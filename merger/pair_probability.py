@@ -1,7 +1,8 @@
 """How probable it is that a motion between two maps is right, from what the maps say about it.
 
-A logistic model on dimensionless or logarithmic evidence. Its coefficients were fitted to pairs of maps of many
-simulated buildings and of real logs by ``python -m bench.pair_calibration``, which prints them.
+A logistic model on dimensionless or logarithmic evidence. Its coefficients were fitted to pairs of maps of simulated
+buildings and of real logs; ``python -m bench.pair_calibration`` fits them anew to any datasets and tells how both do on
+buildings that the fit has not seen.
 """
 
 import math
