@@ -164,11 +164,12 @@ def test_confirmed_pairs_agree_with_the_placement(merged):
     assert len(list(itertools.combinations(range(4), 2))) == len(merged.pairs)
 
 
-def test_a_stated_resolution_that_is_off_is_estimated_on_request(cut_map):
+@pytest.mark.parametrize("factor", [0.95, 1.0, 1.04])
+def test_a_stated_resolution_that_is_off_is_estimated_on_request(cut_map, factor):
     parts = [cut_map(f"part_{k}", SPANS[k], place(k), resolution_m=0.1) for k in range(2)]
-    off = GridMap("part_1", parts[1].log_odds, 0.1 * 1.04, scale_map(parts[1], 1.04).T_map_grid)
+    off = GridMap("part_1", parts[1].log_odds, 0.1 * factor, scale_map(parts[1], factor).T_map_grid)
     result = merge_maps([parts[0], off], MergeConfig(method=Method.ROBUST, estimate_scale=True))
     assert result.placement("part_1").placed
-    assert result.placement("part_1").scale == pytest.approx(1.0 / 1.04, abs=0.004)
+    assert result.placement("part_1").scale == pytest.approx(1.0 / factor, abs=0.004)
     assert result.placement("part_0").scale == 1.0
     assert errors(result, 0)[0] < 0.1
