@@ -15,6 +15,8 @@ BLOCK = 4
 """Cells along a side of a block of the coarse field."""
 REACH_SIGMAS = 3.0
 """Farther than this from any surface the field is 0."""
+_SHORTEST_LINE_CELLS = 2.0
+"""Ends that lie closer together are joined by one line."""
 
 
 @njit(cache=True, nogil=True)
@@ -28,11 +30,21 @@ def draw_surfaces(field, coarse, points, linked, sigma):  # type: ignore[no-unty
         linked: (P,) whether a point and the next one bound the same surface.
         sigma: Width of the field, cells.
     """
-    for i in range(len(points)):
-        if linked[i]:
-            _draw_line(field, coarse, (points[i, 0], points[i, 1], points[i + 1, 0], points[i + 1, 1]), sigma)
-        elif points[i, 0] == points[i, 0] and not (i > 0 and linked[i - 1]):
-            _draw_line(field, coarse, (points[i, 0], points[i, 1], points[i, 0], points[i, 1]), sigma)
+    first = 0
+    while first < len(points):
+        last = first
+        while linked[last] and (last == first or _are_near(points, first, last + 1)):
+            last += 1
+        if last > first or (points[first, 0] == points[first, 0] and not (first > 0 and linked[first - 1])):
+            line = (points[first, 0], points[first, 1], points[last, 0], points[last, 1])
+            _draw_line(field, coarse, line, sigma)
+        first = max(last, first + 1)
+
+
+@njit(cache=True, nogil=True)
+def _are_near(points, i, j):  # type: ignore[no-untyped-def] # a kernel
+    """Whether two ends are so near to each other that one line serves for all between them."""
+    return math.hypot(points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]) < _SHORTEST_LINE_CELLS
 
 
 @njit(cache=True, nogil=True)
@@ -80,12 +92,13 @@ def search_pose(field, coarse, points, window, prior):  # type: ignore[no-untype
     weight = prior[0]
     num_turns, num_shifts = math.ceil(reach_rad / step_rad), math.ceil(reach / BLOCK)
     side = 2 * num_shifts + 1
-    turned = _turn_points(points, window, num_turns)
-    bounds = np.empty(len(turned) * side * side)
+    cells = _turn_points(points, window, num_turns)
+    blocks = cells // BLOCK
+    bounds = np.empty(len(cells) * side * side)
     for place in range(len(bounds)):
         k, x, y = place // (side * side), place % side - num_shifts, place // side % side - num_shifts
         near_x, near_y = _nearest_shift(x), _nearest_shift(y)
-        bound = weight * _sum_at(coarse, turned[k], x * BLOCK, y * BLOCK, BLOCK)
+        bound = weight * _sum_at(coarse, blocks[k], x, y)
         bounds[place] = bound - _penalty(near_x, near_y, (k - num_turns) * step_rad, prior)
     best, best_x, best_y, best_turn = -np.inf, 0.0, 0.0, 0.0
     for place in np.argsort(-bounds):
@@ -95,7 +108,7 @@ def search_pose(field, coarse, points, window, prior):  # type: ignore[no-untype
         for b in range(BLOCK * BLOCK):
             x = (place % side - num_shifts) * BLOCK + b % BLOCK
             y = (place // side % side - num_shifts) * BLOCK + b // BLOCK
-            score = weight * _sum_at(field, turned[k], x, y, 1) - _penalty(x, y, turn, prior)
+            score = weight * _sum_at(field, cells[k], x, y) - _penalty(x, y, turn, prior)
             if score > best:
                 best, best_x, best_y, best_turn = score, float(x), float(y), turn
     return best_x, best_y, best_turn, best
@@ -103,15 +116,15 @@ def search_pose(field, coarse, points, window, prior):  # type: ignore[no-untype
 
 @njit(cache=True, nogil=True)
 def _turn_points(points, window, num_turns):  # type: ignore[no-untyped-def] # a kernel
-    """(2 num_turns + 1, P, 2) points at the predicted position, turned by each heading of the window."""
+    """(2 num_turns + 1, P, 2) cells of points at the predicted position, turned by each heading of the window."""
     x0, y0, _, _, step_rad = window
-    turned = np.empty((2 * num_turns + 1, len(points), 2))
-    for k in range(len(turned)):
+    cells = np.empty((2 * num_turns + 1, len(points), 2), dtype=np.int64)
+    for k in range(len(cells)):
         cosine, sine = math.cos((k - num_turns) * step_rad), math.sin((k - num_turns) * step_rad)
         for i in range(len(points)):
-            turned[k, i, 0] = x0 + cosine * points[i, 0] - sine * points[i, 1]
-            turned[k, i, 1] = y0 + sine * points[i, 0] + cosine * points[i, 1]
-    return turned
+            cells[k, i, 0] = math.floor(x0 + cosine * points[i, 0] - sine * points[i, 1])
+            cells[k, i, 1] = math.floor(y0 + sine * points[i, 0] + cosine * points[i, 1])
+    return cells
 
 
 @njit(cache=True, nogil=True)
@@ -128,14 +141,13 @@ def _penalty(shift_x, shift_y, turn, prior):  # type: ignore[no-untyped-def] # a
 
 
 @njit(cache=True, nogil=True)
-def _sum_at(field, points, shift_x, shift_y, cells):  # type: ignore[no-untyped-def] # a kernel
-    """Sum of the values of the field, its cells ``cells`` wide, at shifted points; 0 outside."""
+def _sum_at(field, cells, shift_x, shift_y):  # type: ignore[no-untyped-def] # a kernel
+    """Sum of the values of the field at (P, 2) cells x, y, shifted; 0 outside."""
     total = 0.0
-    rows, columns = field.shape
-    scale = 1.0 / cells
-    for i in range(len(points)):
-        row, column = math.floor((points[i, 1] + shift_y) * scale), math.floor((points[i, 0] + shift_x) * scale)
-        if 0 <= row < rows and 0 <= column < columns:
+    rows, columns = np.uint64(field.shape[0]), np.uint64(field.shape[1])
+    for i in range(len(cells)):
+        row, column = np.uint64(cells[i, 1] + shift_y), np.uint64(cells[i, 0] + shift_x)
+        if row < rows and column < columns:  # unsigned: what is negative is too large
             total += field[row, column]
     return total
 

@@ -20,7 +20,7 @@ _NUM_ITERATIONS = 20
 _MIN_POINTS = 10
 """A scan with fewer ends stays where odometry puts it."""
 _SEARCH_POINTS = 100
-"""About so many ends are used to search; all of them to refine."""
+"""At most so many ends are used to search; all of them to refine."""
 _STEP_CELLS = 2.0
 """Headings are searched in steps that move the farther ends by so many cells."""
 
@@ -191,7 +191,7 @@ def _match(fields, points, pose, sigmas, settings):  # type: ignore[no-untyped-d
     usable = points[~np.isnan(points[:, 0])]
     if len(usable) < _MIN_POINTS:
         return
-    thin = usable[:: max(len(usable) // _SEARCH_POINTS, 1)].copy()
+    thin = usable[:: math.ceil(len(usable) / _SEARCH_POINTS)].copy()
     farther = max(np.quantile(np.sqrt(thin[:, 0] ** 2 + thin[:, 1] ** 2), 0.8), 20.0)
     x, y = pose[0] / cell_m - first_cell[0], pose[1] / cell_m - first_cell[1]
     prior = (weight, (cell_m / sigmas[0]) ** 2, 1.0 / sigmas[1] ** 2)
