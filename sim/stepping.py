@@ -70,7 +70,7 @@ def run_space(
         present = [driver for driver in drivers if driver.mode is not Mode.GONE]
         if not present:
             break
-        if k % traffic_steps == 0 and (len(present) > 1 or walkers):
+        if k % traffic_steps == 0 and (len(drivers) > 1 or walkers):
             people = np.array([walker.position for walker in walkers]).reshape(-1, 2)
             direct_traffic(present, people, router, traffic_steps * clock.step_s)
         for driver in present:

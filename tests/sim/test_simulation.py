@@ -9,14 +9,17 @@ from scipy.spatial import cKDTree
 
 from merger import se2
 from sim.coverage import CoverageConfig
+from sim.driver import Driver, Mode
 from sim.floor_plan import OfficeConfig
-from sim.free_space import sample_segments
+from sim.free_space import measure_free_space, sample_segments
 from sim.odometry import OdometryConfig
 from sim.people import MovingDiscs, PeopleConfig
 from sim.plan import Plan, Room, Solid, box
-from sim.robot import RobotConfig
+from sim.robot import Robot, RobotConfig, make_space
 from sim.robot_run import LidarSpec
+from sim.routing import Router
 from sim.simulation import DriveConfig, Sensor, Simulation, drive, simulate
+from sim.stepping import Clock, run_space
 from sim.world import Material, World, make_world, read_world
 
 RADIUS_M = RobotConfig().radius_m
@@ -73,6 +76,21 @@ def test_every_room_is_visited(run: tuple[World, Simulation]) -> None:
     seen = cKDTree(np.concatenate([positions(simulation, k) for k in range(3)]))
     places = np.array([[room.x_m, room.y_m] for room in world.rooms])
     assert seen.query(places)[0].max() < 0.6
+
+
+def test_a_robot_that_made_way_goes_on_when_the_last_other_one_has_left() -> None:
+    segments = two_rooms(1.4).segments
+    floor, bodies = measure_free_space(segments), make_space(segments)
+    router = Router(floor, floor.reachable(np.array([2.0, 2.5, 0.0]), 0.29), 0.29)
+    first, second = (
+        Driver(
+            Robot(bodies, np.array([x, 2.5, 0.0]), RobotConfig()), router, router.node_at(np.array([x, 2.5])), iter(())
+        )
+        for x in (2.0, 4.0)
+    )
+    second.make_way(second.position[None])
+    run_space(bodies, [first, second], [], router, Clock(0.2, 30.0))
+    assert second.mode is Mode.GONE
 
 
 def test_robots_share_the_work(run: tuple[World, Simulation]) -> None:
