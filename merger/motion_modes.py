@@ -97,14 +97,22 @@ def find_modes(
     """
     points_target, of_target = np.unique(points_target, axis=0, return_inverse=True)
     points_source, of_source = np.unique(points_source, axis=0, return_inverse=True)
-    candidates = np.unique(np.stack([of_target[candidates[:, 0]], of_source[candidates[:, 1]]], axis=1), axis=0)
-    if len(candidates) < 2:
-        return []
-    num_keypoints = len(points_target) + len(points_source)
-    least = round(config.min_inlier_share * 0.5 * num_keypoints)
+    places = np.stack([of_target.ravel()[candidates[:, 0]], of_source.ravel()[candidates[:, 1]]], axis=1)
+    pairs = _draw_pairs(points_target, points_source, np.unique(places, axis=0), config, rng)
+    modes = sorted(_gather(points_target, points_source, pairs, config), key=lambda mode: -mode.weight)
+    total = sum(mode.weight for mode in modes)
+    return [replace(mode, weight=mode.weight / total) for mode in modes]
+
+
+def _gather(
+    points_target: _Array, points_source: _Array, pairs: Iterator[_Matches], config: MotionModesConfig
+) -> list[MotionMode]:
+    """The large sets that pairs grow into; their weights are the numbers of pairs."""
+    num_places = len(points_target) + len(points_source)
+    least = round(config.min_inlier_share * 0.5 * num_places)
     modes: list[MotionMode] = []
     largest, num_wanted = 0, 1
-    for count, pair in enumerate(_draw_pairs(points_target, points_source, candidates, config, rng)):
+    for count, pair in enumerate(pairs):
         if count >= num_wanted:
             break
         known = next((k for k, mode in enumerate(modes) if pair <= mode.matches), None)
@@ -117,10 +125,8 @@ def find_modes(
         if len(mode.matches) > largest:
             largest = len(mode.matches)
             share = largest / min(len(points_target), len(points_source))
-            num_wanted = max(2 * num_keypoints, _count_draws(share, config.success_probability))
-    total = sum(mode.weight for mode in modes)
-    modes.sort(key=lambda mode: -mode.weight)
-    return [replace(mode, weight=mode.weight / total) for mode in modes]
+            num_wanted = max(2 * num_places, _count_draws(share, config.success_probability))
+    return modes
 
 
 def _draw_pairs(
