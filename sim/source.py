@@ -11,7 +11,7 @@ import numpy as np
 from merger.grid_map import GridMap
 from sim.building_map import draw_building
 from sim.carmen import read_carmen
-from sim.config import SimConfig, SourceKind, building_name, drive_config
+from sim.config import SimConfig, SourceKind, building_name, drive_config, num_submaps
 from sim.odometry import integrate_odometry
 from sim.plan import Material
 from sim.robot_run import RobotRun
@@ -65,11 +65,20 @@ def check_source(config: SimConfig) -> None:
 
 
 def _simulate(config: SimConfig) -> Source:
+    _check_count(config)
     world = read_world(config.world, office=config.office, furnish=config.furnish, seed=config.seed)
     sensor = Sensor(config.lidar, config.noise)
     runs = simulate(world, drive_config(config), sensor, config.num_robots, config.seed, noise_seed=config.noise_seed)
     ground_truth = draw_building(world, config.mapping.occupancy.resolution_m)
     return Source(world.name, runs, ground_truth, {"world": world.name}, {"world.json": _world_json(world)})
+
+
+def _check_count(config: SimConfig) -> None:
+    """Refuse more submaps than the runs can have scans, before anybody drives."""
+    longest_s = min(config.duration_s or config.max_duration_s, config.max_duration_s)
+    most = config.num_robots * max(round(longest_s / config.lidar.scan_period_s), 1)
+    if num_submaps(config) > most:
+        raise ValueError(f"submaps.count must be at most the number of scans, {most}, got {num_submaps(config)}")
 
 
 def _world_json(world: World) -> bytes:
