@@ -90,5 +90,5 @@ def test_sources_are_checked_before_anything_runs(config, tmp_path):
 def test_more_submaps_than_runs_can_have_scans_are_refused_before_anybody_drives(config, monkeypatch):
     monkeypatch.setattr("sim.source.simulate", lambda *_, **__: pytest.fail("somebody drives"))
     longer = replace(config, duration_s=10.0, submaps=SubmapsConfig(count=10_000))
-    with pytest.raises(ValueError, match="at most the number of scans, [0-9]+, got 10000"):
+    with pytest.raises(ValueError, match=r"at most the number of scans, \d+, got 10000"):
         make_source(longer)
