@@ -79,8 +79,10 @@ def test_twenty_reruns_of_an_unbroken_merger_stay_green(building, unbroken, tmp_
         assert judge([unbroken[rerun % 2]], again) == []
 
 
-def test_a_merger_without_motion_averaging_turns_the_gate_red(building, unbroken, tmp_path):
-    broken = [score(building, tmp_path, seed, averaging__max_iterations=0) for seed in range(2)]
+def test_a_merger_without_motion_averaging_turns_the_gate_red(building, tmp_path):
+    """The best of all trees can be as good as the average: of eight seeds some draw another."""
+    unbroken = [score(building, tmp_path, seed) for seed in range(8)]
+    broken = [score(building, tmp_path, seed, averaging__max_iterations=0) for seed in range(8)]
     assert any("relation_error_m got worse" in message for message in judge(unbroken, broken))
 
 
