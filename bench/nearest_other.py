@@ -1,7 +1,8 @@
 """Distance of every point to the nearest point of another group, for all groups at once (numba).
 
 A k-d tree of "all the others" would have to be built anew for each group. Here all points are sorted into square bins
-once; a search looks at rings of bins around a point until no nearer point can follow.
+once; a search looks at rings of bins around a point until no nearer point can follow. Only points with none within a
+few rings are looked up in trees.
 """
 
 import math
@@ -9,11 +10,13 @@ import math
 import numpy as np
 import numpy.typing as npt
 from numba import njit
+from scipy.spatial import cKDTree
 
 Array = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
 _POINTS_PER_BIN = 2.0
+_RINGS = 16
 
 
 def nearest_other_m(points: Array, group: Integers) -> Array:
@@ -35,6 +38,10 @@ def nearest_other_m(points: Array, group: Integers) -> Array:
     starts, order = _sort_into_bins(points - low, (rows, cols, side))
     distances = np.empty(len(points))
     distances[order] = _search((points - low)[order], group[order], starts, (rows, cols, side))
+    for number in np.unique(group[np.isinf(distances)]):
+        far = np.isinf(distances) & (group == number)
+        tree = cKDTree(points[group != number], balanced_tree=False, compact_nodes=False)
+        distances[far] = tree.query(points[far])[0]
     return distances
 
 
@@ -47,9 +54,11 @@ def _search(points: Array, group: Integers, starts: Integers, layout: tuple[int,
         col, row = min(int(x / side), cols - 1), min(int(y / side), rows - 1)
         margin = min(x - col * side, (col + 1) * side - x, y - row * side, (row + 1) * side - y)
         best = np.inf
-        for ring in range(max(rows, cols)):
+        found = False
+        for ring in range(_RINGS):
             reach = max(margin, 0.0) + (ring - 1) * side  # nothing of this ring is nearer
-            if ring > 0 and best <= reach * reach:
+            found = (ring > 0 and best <= reach * reach) or ring > max(rows, cols)
+            if found:
                 break
             for r in range(max(row - ring, 0), min(row + ring, rows - 1) + 1):
                 step = 1 if abs(r - row) == ring else max(2 * ring, 1)
@@ -59,7 +68,7 @@ def _search(points: Array, group: Integers, starts: Integers, layout: tuple[int,
                             if group[m] != group[k]:
                                 dx, dy = points[m, 0] - x, points[m, 1] - y
                                 best = min(best, dx * dx + dy * dy)
-        distances[k] = math.sqrt(best)
+        distances[k] = math.sqrt(best) if found else np.inf
     return distances
 
 
