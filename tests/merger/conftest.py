@@ -7,6 +7,7 @@ import pytest
 
 from merger import se2
 from merger.grid_map import GridMap
+from merger.wall_structure import WallStructure, WallStructureConfig, extract_structure
 
 CutMap = Callable[..., GridMap]
 _CELL_M = 0.05
@@ -77,3 +78,33 @@ def three_maps(cut_map: CutMap) -> tuple[list[GridMap], dict[str, np.ndarray]]:
     }
     spans = {"west": (0.0, 13.0), "middle": (6.0, 19.0), "east": (12.0, 24.0)}
     return [cut_map(name, spans[name], T) for name, T in truth.items()], truth
+
+
+_T_WORLD_PAIR = (se2.make_motion(1.0, -2.0, 0.5), se2.make_motion(8.0, 3.0, 2.4))
+
+
+@pytest.fixture(scope="session")
+def pair(cut_map: CutMap) -> tuple[WallStructure, ...]:
+    """The walls of two overlapping maps of different resolutions."""
+    maps = (
+        cut_map("a", (0.0, 14.0), _T_WORLD_PAIR[0], resolution_m=0.05),
+        cut_map("b", (7.0, 22.0), _T_WORLD_PAIR[1], resolution_m=0.1),
+    )
+    return tuple(extract_structure(grid, WallStructureConfig()) for grid in maps)
+
+
+@pytest.fixture(scope="session")
+def T_A_B() -> np.ndarray:
+    """The true motion of the pair."""
+    return se2.invert(_T_WORLD_PAIR[0]) @ _T_WORLD_PAIR[1]
+
+
+@pytest.fixture(scope="session")
+def nudge() -> Callable[..., np.ndarray]:
+    """``nudge(T, center, v)``: a motion, shifted and turned by v about a (2,) centre of its source."""
+
+    def shift(T, center, v):
+        there = se2.make_motion(center[0], center[1], 0.0)
+        return T @ there @ se2.make_motion(*v) @ se2.invert(there)
+
+    return shift

@@ -14,50 +14,32 @@ from merger.verification import Evidence, VerificationConfig, measure_evidence
 from merger.wall_alignment import AlignmentConfig, align_walls, motion_information
 from merger.wall_structure import WallStructureConfig, extract_structure
 
-T_WORLD_A, T_WORLD_B = se2.make_motion(1.0, -2.0, 0.5), se2.make_motion(8.0, 3.0, 2.4)
-T_A_B = se2.invert(T_WORLD_A) @ T_WORLD_B
-
-
-@pytest.fixture(scope="module")
-def pair(cut_map):
-    maps = (
-        cut_map("a", (0.0, 14.0), T_WORLD_A, resolution_m=0.05),
-        cut_map("b", (7.0, 22.0), T_WORLD_B, resolution_m=0.1),
-    )
-    return tuple(extract_structure(grid, WallStructureConfig()) for grid in maps)
-
-
-def nudge(T: np.ndarray, center: np.ndarray, v: tuple[float, float, float]) -> np.ndarray:
-    """Shift and turn a motion about a (2,) centre of the source."""
-    there = se2.make_motion(center[0], center[1], 0.0)
-    return T @ there @ se2.make_motion(*v) @ se2.invert(there)
-
 
 def apart(T: np.ndarray, T_other: np.ndarray, center: np.ndarray) -> float:
     return float(np.linalg.norm(se2.transform_points(T, center[None]) - se2.transform_points(T_other, center[None])))
 
 
 @pytest.mark.parametrize("v", [(0.3, -0.2, 0.03), (-0.25, 0.3, -0.04)])
-def test_alignment_undoes_a_nudge(pair, v):
+def test_alignment_undoes_a_nudge(pair, v, T_A_B, nudge):
     T = align_walls(*pair, nudge(T_A_B, pair[1].center_map, v), AlignmentConfig())
     assert apart(T, T_A_B, pair[1].center_map) < 0.03
 
 
-def test_alignment_of_swapped_maps_is_the_inverse(pair):
+def test_alignment_of_swapped_maps_is_the_inverse(pair, T_A_B, nudge):
     start = nudge(T_A_B, pair[1].center_map, (0.1, 0.1, 0.01))
     forward = align_walls(*pair, start, AlignmentConfig())
     backward = align_walls(pair[1], pair[0], se2.invert(start), AlignmentConfig())
     assert apart(se2.invert(backward), forward, pair[1].center_map) < 1e-3
 
 
-def test_evidence_is_symmetric_in_the_two_maps(pair):
+def test_evidence_is_symmetric_in_the_two_maps(pair, T_A_B):
     forward = measure_evidence(*pair, T_A_B, VerificationConfig())
     backward = measure_evidence(pair[1], pair[0], se2.invert(T_A_B), VerificationConfig())
     for name in ("near_m", "opposed_m", "conflict_m", "loose_m", "tight_m", "weak_m", "strong_m"):
         assert getattr(forward, name) == pytest.approx(getattr(backward, name))
 
 
-def test_evidence_speaks_for_the_true_motion_and_against_a_shifted_one(pair):
+def test_evidence_speaks_for_the_true_motion_and_against_a_shifted_one(pair, T_A_B, nudge):
     right = measure_evidence(*pair, T_A_B, VerificationConfig())
     wrong = measure_evidence(*pair, nudge(T_A_B, pair[1].center_map, (1.0, 0.0, 0.0)), VerificationConfig())
     assert right.agreement > 0.98
@@ -74,7 +56,7 @@ def test_wall_length_does_not_depend_on_the_resolution(cut_map):
     assert lengths[1] == pytest.approx(lengths[0], rel=0.2)
 
 
-def test_dense_search_finds_the_true_motion_first(pair):
+def test_dense_search_finds_the_true_motion_first(pair, T_A_B):
     config = DenseSearchConfig()
     coarse = [coarsen(item, config) for item in pair]
     best = search_motions([coarse[0]], coarse[1], config)[0][0]
@@ -171,7 +153,7 @@ def test_averaging_does_not_depend_on_the_root():
     assert plain[order[0]] @ other == pytest.approx(plain[order], abs=1e-6)
 
 
-def test_joint_refinement_undoes_nudges_of_all_maps(cut_map):
+def test_joint_refinement_undoes_nudges_of_all_maps(cut_map, nudge):
     spans = ((0.0, 10.0), (5.0, 15.0), (8.0, 20.0))
     T_world_map = np.stack([se2.make_motion(2.0 * k, k, 0.7 * k) for k in range(3)])
     grids = [
@@ -188,7 +170,7 @@ def test_joint_refinement_undoes_nudges_of_all_maps(cut_map):
         assert 0.0 < np.sqrt(np.trace(joint.covariance[k][:2, :2])) < 0.1
 
 
-def test_information_is_weak_along_a_corridor(pair):
+def test_information_is_weak_along_a_corridor(pair, T_A_B):
     information = motion_information(*pair, T_A_B, 2.5e-3)
     assert np.linalg.eigvalsh(information).min() > 0.0
 

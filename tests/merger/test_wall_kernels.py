@@ -11,28 +11,9 @@ from merger.alignment_kernel import sum_equations
 from merger.verification import VerificationConfig
 from merger.wall_alignment import AlignmentConfig, align_all, align_walls
 from merger.wall_kernels import View
-from merger.wall_structure import WallStructureConfig, extract_structure
-
-T_WORLD_A, T_WORLD_B = se2.make_motion(1.0, -2.0, 0.5), se2.make_motion(8.0, 3.0, 2.4)
-T_A_B = se2.invert(T_WORLD_A) @ T_WORLD_B
 
 
-@pytest.fixture(scope="module")
-def pair(cut_map):
-    maps = (
-        cut_map("a", (0.0, 14.0), T_WORLD_A, resolution_m=0.05),
-        cut_map("b", (7.0, 22.0), T_WORLD_B, resolution_m=0.1),
-    )
-    return tuple(extract_structure(grid, WallStructureConfig()) for grid in maps)
-
-
-def nudge(T: np.ndarray, center: np.ndarray, v: tuple[float, float, float]) -> np.ndarray:
-    """Shift and turn a motion about a (2,) centre of the source."""
-    there = se2.make_motion(center[0], center[1], 0.0)
-    return T @ there @ se2.make_motion(*v) @ se2.invert(there)
-
-
-def test_compare_walls_agrees_with_a_slow_oracle(pair):
+def test_compare_walls_agrees_with_a_slow_oracle(pair, T_A_B):
     target, source = pair
     T = se2.invert(target.T_map_field) @ T_A_B @ source.T_map_field
     limits = VerificationConfig()
@@ -55,7 +36,7 @@ def test_compare_walls_agrees_with_a_slow_oracle(pair):
     assert sums[:3] == pytest.approx([near, opposed, conflict], rel=2e-3)  # a point may lie on a cell's border
 
 
-def test_several_motions_are_scored_as_each_by_itself(pair):
+def test_several_motions_are_scored_as_each_by_itself(pair, T_A_B, nudge):
     target, source = pair
     T = np.stack([nudge(T_A_B, source.center_map, (0.5 * k, 0.1, 0.05 * k)) for k in range(4)])
     T = target.T_field_map @ T @ source.T_map_field
@@ -66,7 +47,7 @@ def test_several_motions_are_scored_as_each_by_itself(pair):
     assert conflict == pytest.approx(each[:, 2])
 
 
-def test_several_motions_are_refined_as_each_by_itself(pair):
+def test_several_motions_are_refined_as_each_by_itself(pair, T_A_B, nudge):
     starts = [nudge(T_A_B, pair[1].center_map, (0.2 * k, 0.1, 0.02 * k)) for k in range(4)]
     config = AlignmentConfig(cutoffs_m=(0.5, 0.3, 0.2, 0.2, 0.2, 0.2), tolerance=1e-3)
     together = align_all(*pair, starts, config)
@@ -74,7 +55,7 @@ def test_several_motions_are_refined_as_each_by_itself(pair):
         assert pytest.approx(align_walls(*pair, start, config), abs=1e-9) == T
 
 
-def test_equations_agree_with_the_slopes_of_their_residuals(pair):
+def test_equations_agree_with_the_slopes_of_their_residuals(pair, T_A_B, nudge):
     target, source = (item.view(300) for item in pair)
     T = pair[0].T_field_map @ nudge(T_A_B, pair[1].center_map, (0.05, -0.03, 0.005)) @ pair[1].T_map_field
     A, b = sum_equations(T[None], target, source, 0.4)
