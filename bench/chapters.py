@@ -15,7 +15,7 @@ from bench.settings import BenchSettings
 from bench.stages import ScoredCell
 from bench.tables import Results, format_value, summarize
 from sim.config import SourceKind
-from sim.dataset import read_dataset
+from sim.datasets.dataset import read_dataset
 
 MAX_EXHIBITS = 12
 """Results that are drawn, so that a sweep of thousands still gives a report that one can open."""

@@ -69,7 +69,7 @@ def provenance() -> dict[str, str]:
 
 
 def _sources(package_file: str | None, pattern: str) -> list[Path]:
-    return sorted(Path(str(package_file)).parent.glob(pattern))
+    return sorted(Path(str(package_file)).parent.rglob(pattern))
 
 
 def _hash_files(paths: list[Path], salt: str) -> str:

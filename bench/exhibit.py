@@ -9,7 +9,7 @@ import numpy.typing as npt
 from bench import metrics
 from bench.prediction import Prediction, PredictionError, read_prediction
 from bench.stages import ScoredCell
-from sim.dataset import Dataset, read_dataset
+from sim.datasets.dataset import Dataset, read_dataset
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ from bench.scores import PairScore
 from merger import se2
 from merger.features import FeatureConfig, Features, extract_features, match_features
 from merger.grid_map import GridMap
-from sim.carmen import read_carmen
-from sim.dataset import Dataset
+from sim.datasets.dataset import Dataset
+from sim.recordings.carmen import read_carmen
 
 TRUE_MATCH_WITHIN_M = 0.25
 """A feature match is true if the true motion brings its two places this close."""

@@ -23,7 +23,7 @@ from bench.prediction import PredictionError, read_prediction
 from bench.reference_workload import time_reference
 from bench.scores import Score, score_failure, score_result
 from bench.yardstick import make_yardstick
-from sim.dataset import read_dataset
+from sim.datasets.dataset import read_dataset
 
 
 @dataclass(frozen=True)

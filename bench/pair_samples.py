@@ -20,7 +20,7 @@ from merger.map_group import Group
 from merger.merge_config import MergeConfig
 from merger.pair_probability import features_of
 from merger.robust_stages import describe_maps, search_all_pairs
-from sim.dataset import Dataset, read_dataset
+from sim.datasets.dataset import Dataset, read_dataset
 
 Array = npt.NDArray[np.float64]
 RIGHT_M, RIGHT_DEG = 0.5, 3.0

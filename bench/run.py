@@ -17,7 +17,7 @@ CellProgress = Callable[[ScoredCell, int, int], None]
 _WARM_MODULES = [
     "bench.stages",
     "merger.pipeline",
-    "sim.dataset",
+    "sim.datasets.dataset",
     "scipy.spatial",
     "scipy.ndimage",
     "cv2",

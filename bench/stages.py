@@ -18,7 +18,7 @@ from bench.scores import score_failure, score_result
 from bench.store import Store
 from bench.yardstick import Yardstick, make_yardstick
 from sim.config import num_submaps, to_plain_dict
-from sim.dataset import make_dataset, read_dataset
+from sim.datasets.dataset import make_dataset, read_dataset
 
 _INDEX = "dataset.json"
 _OWN_LIMITS = Limits(time_s=3600.0, memory_mb=16384.0)

@@ -22,7 +22,7 @@ from bench.statistics import wilson_share
 from bench.store import write_text
 from merger.pipeline import merge_maps
 from merger.result import MergeResult, PairStatus
-from sim.dataset import read_dataset
+from sim.datasets.dataset import read_dataset
 
 _GENERATED = "office"
 

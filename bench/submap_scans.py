@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from merger import se2
-from sim.carmen import read_carmen
+from sim.maps.truth import read_truth
+from sim.recordings.carmen import read_carmen
+from sim.recordings.tum import read_tum
 from sim.robot_run import RobotRun
-from sim.truth import read_truth
-from sim.tum import read_tum
 
 _STAMP_S = 1e-6
 _BEYOND_M = 0.01

@@ -8,8 +8,8 @@ import numpy.typing as npt
 from bench import grid_metrics, objective
 from merger import se2
 from merger.edges import extract_edge_points
-from sim.dataset import Dataset
-from sim.truth import Truth
+from sim.datasets.dataset import Dataset
+from sim.maps.truth import Truth
 
 Array = npt.NDArray[np.float64]
 

@@ -10,12 +10,12 @@ from typing import Any
 from omegaconf import DictConfig
 from tqdm import tqdm
 
-from sim.collection import TABLE, CollectionItem, make_collection
 from sim.config import SimConfig, dataset_name
-from sim.dataset import make_dataset
-from sim.dataset_check import check_dataset
+from sim.datasets.collection import TABLE, CollectionItem, make_collection
+from sim.datasets.dataset import make_dataset
+from sim.datasets.dataset_check import check_dataset
+from sim.datasets.manifest import make_manifest
 from sim.hydra_schema import build, compose_config
-from sim.manifest import make_manifest
 from sim.resources import conf_folder
 from sim.sim_schema import GROUPS, ROOT, RunConfig, register_schema, usage
 from sim.source import check_source

@@ -7,8 +7,8 @@ from enum import Enum
 from typing import Any
 
 from sim.config import SimConfig, SourceKind
-from sim.lidar_noise import NOISE_PRESETS
-from sim.lidar_presets import LIDAR_PRESETS
+from sim.sensors.lidar_noise import NOISE_PRESETS
+from sim.sensors.lidar_presets import LIDAR_PRESETS
 
 _PLAIN_ROBOT = "pioneer"
 """The choice of ``robot`` that leaves every default."""

@@ -9,19 +9,19 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from sim.coverage import CoverageConfig
-from sim.floor_plan import OfficeConfig
-from sim.furnishing import FurnishConfig
-from sim.lidar import check_lidar
-from sim.lidar_noise import NoiseConfig
-from sim.lidar_presets import LIDAR_PRESETS
-from sim.odometry import OdometryConfig
-from sim.people import PeopleConfig
-from sim.robot import RobotConfig
+from sim.buildings.floor_plan import OfficeConfig
+from sim.buildings.furnishing import FurnishConfig
+from sim.maps.submap_mapping import MappingConfig
+from sim.maps.submaps import SubmapsConfig
 from sim.robot_run import LidarSpec
+from sim.robots.coverage import CoverageConfig
+from sim.robots.people import PeopleConfig
+from sim.robots.robot import RobotConfig
+from sim.sensors.lidar import check_lidar
+from sim.sensors.lidar_noise import NoiseConfig
+from sim.sensors.lidar_presets import LIDAR_PRESETS
+from sim.sensors.odometry import OdometryConfig
 from sim.simulation import DriveConfig
-from sim.submap_mapping import MappingConfig
-from sim.submaps import SubmapsConfig
 
 _NUM_SUBMAPS = MappingProxyType({"tim": 4, "intel": 8, "fr079": 11})
 """Submaps of the paper's data sets."""

@@ -9,8 +9,8 @@ from typing import Any
 
 from sim.config import SimConfig
 from sim.hydra_schema import group_choices, register, register_choice
-from sim.lidar_noise import NOISE_PRESETS
-from sim.lidar_presets import LIDAR_PRESETS
+from sim.sensors.lidar_noise import NOISE_PRESETS
+from sim.sensors.lidar_presets import LIDAR_PRESETS
 
 ROOT = "sim"
 """Name of the root config, ``conf/sim.yaml``."""

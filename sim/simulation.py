@@ -8,21 +8,21 @@ import numpy.typing as npt
 import pymunk
 
 from merger import se2
-from sim.coverage import CoverageConfig, choose_starts, plan_tours, spread_places
-from sim.driver import Driver
-from sim.errands import Errands, route_errands, tour_errands
-from sim.free_space import measure_free_space
-from sim.lidar import Scene, make_scene, scan_run
-from sim.lidar_noise import NoiseConfig
-from sim.odometry import OdometryConfig, integrate_odometry
-from sim.people import MovingDiscs, PeopleConfig, Walker, leg_radii
-from sim.robot import Robot, RobotConfig, make_space
+from sim.buildings.free_space import measure_free_space
+from sim.buildings.world import World
+from sim.buildings.world_check import check_reach
 from sim.robot_run import LidarSpec, RobotRun, Trajectory
-from sim.routing import Router
-from sim.stepping import Clock, Recording, run_space
+from sim.robots.coverage import CoverageConfig, choose_starts, plan_tours, spread_places
+from sim.robots.driver import Driver
+from sim.robots.errands import Errands, route_errands, tour_errands
+from sim.robots.people import MovingDiscs, PeopleConfig, Walker, leg_radii
+from sim.robots.robot import Robot, RobotConfig, make_space
+from sim.robots.routing import Router
+from sim.robots.stepping import Clock, Recording, run_space
+from sim.sensors.lidar import Scene, make_scene, scan_run
+from sim.sensors.lidar_noise import NoiseConfig
+from sim.sensors.odometry import OdometryConfig, integrate_odometry
 from sim.streams import Purpose, make_stream
-from sim.world import World
-from sim.world_check import check_reach
 
 Array = npt.NDArray[np.float64]
 

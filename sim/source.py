@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 
 from merger.grid_map import GridMap
-from sim.building_map import draw_building
-from sim.carmen import read_carmen
+from sim.buildings.building_map import draw_building
+from sim.buildings.plan import Material
+from sim.buildings.world import OFFICE, World, read_world
 from sim.config import SimConfig, SourceKind, building_name, drive_config, num_submaps
-from sim.odometry import integrate_odometry
-from sim.plan import Material
+from sim.maps.submap_mapping import map_ground_truth
+from sim.recordings.carmen import read_carmen
 from sim.robot_run import RobotRun
+from sim.sensors.odometry import integrate_odometry
 from sim.simulation import Sensor, simulate
 from sim.streams import Purpose, make_stream
-from sim.submap_mapping import map_ground_truth
-from sim.world import OFFICE, World, read_world
 
 _REPEATED = 1e-6
 """Metres and radians within which odometry repeats the true poses."""

@@ -12,9 +12,9 @@ import pytest
 from bench.prediction import PredictedPair, Prediction
 from merger import se2
 from sim.config import SimConfig, SourceConfig, SourceKind
-from sim.dataset import Dataset, make_dataset, read_dataset
-from sim.submap_mapping import MappingConfig, PoseSource
-from sim.submaps import SubmapsConfig
+from sim.datasets.dataset import Dataset, make_dataset, read_dataset
+from sim.maps.submap_mapping import MappingConfig, PoseSource
+from sim.maps.submaps import SubmapsConfig
 
 NUM_BEAMS = 180
 

@@ -19,7 +19,7 @@ from bench.cell import Cell, DatasetSpec, MethodKind, MethodSpec
 from bench.run import RunOptions, run_cells
 from bench.store import Store
 from sim.config import SimConfig
-from sim.submaps import SubmapsConfig
+from sim.maps.submaps import SubmapsConfig
 
 CONTRACT = {
     *("dataset", "world", "method", "seed", "status", "reason", "num_maps", "num_placed", "num_wrong", "success"),

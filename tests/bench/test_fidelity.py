@@ -11,8 +11,8 @@ from bench.fidelity_comparison import compare_fidelity
 from bench.scores import PairScore
 from merger.grid_map import LOG_ODDS_OCCUPIED, GridMap
 from sim.config import SimConfig, SourceConfig, SourceKind
-from sim.dataset import Dataset, make_dataset, read_dataset
-from sim.submaps import SubmapsConfig
+from sim.datasets.dataset import Dataset, make_dataset, read_dataset
+from sim.maps.submaps import SubmapsConfig
 
 VALUES = {item.name: 1.0 for item in dataclasses.fields(Fidelity) if item.name != "num_pairs"}
 PAIRS = {"right_low": 10, "right_mid": 10, "right_high": 10, "false_pass": 10}

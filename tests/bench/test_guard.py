@@ -21,7 +21,7 @@ from bench.yardstick import make_yardstick
 from merger import trimmed_icp
 from merger.pipeline import merge_maps
 from merger.result_json import to_json_dict
-from sim.dataset import Dataset, read_dataset
+from sim.datasets.dataset import Dataset, read_dataset
 
 BASELINE = Path(__file__).parent / "baselines" / "guard.json"
 ROOT = Path(__file__).parents[2]

@@ -6,7 +6,7 @@ import pytest
 from bench.strangers import count_false, draw_mixtures, find_buildings, main, merge_mixture
 from merger.result import MergeResult, Method, PairResult, PairStatus
 from sim.config import SimConfig, SourceConfig, SourceKind
-from sim.dataset import make_dataset
+from sim.datasets.dataset import make_dataset
 
 
 def a_result(components, pairs=()):

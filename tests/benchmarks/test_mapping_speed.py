@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim.lidar import make_scene, scan_run
-from sim.lidar_noise import NOISE_PRESETS
-from sim.mapping import OccupancyConfig, OccupancyMapper
-from sim.odometry import OdometryConfig, integrate_odometry
+from sim.maps.mapping import OccupancyConfig, OccupancyMapper
+from sim.maps.submap_poses import PoseEstimationConfig, estimate_poses
 from sim.robot_run import Trajectory
-from sim.submap_poses import PoseEstimationConfig, estimate_poses
+from sim.sensors.lidar import make_scene, scan_run
+from sim.sensors.lidar_noise import NOISE_PRESETS
+from sim.sensors.odometry import OdometryConfig, integrate_odometry
 
 _here = Path(__file__)
 _spec = importlib.util.spec_from_file_location("ray_casting_speed", _here.with_name("test_ray_casting_speed.py"))

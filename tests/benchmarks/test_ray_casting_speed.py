@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from merger import se2
-from sim.lidar import make_scene, scan_run
-from sim.lidar_noise import NOISE_PRESETS
-from sim.plan import Material
-from sim.ray_casting import cast_rays
+from sim.buildings.plan import Material
 from sim.robot_run import LidarSpec, Trajectory
-from sim.segment_grid import build_segment_grid
+from sim.sensors.lidar import make_scene, scan_run
+from sim.sensors.lidar_noise import NOISE_PRESETS
+from sim.sensors.ray_casting import cast_rays
+from sim.sensors.segment_grid import build_segment_grid
 
 _spec = importlib.util.spec_from_file_location("pymunk_rays", Path(__file__).parents[1] / "sim" / "pymunk_rays.py")
 pymunk_rays = importlib.util.module_from_spec(_spec)

@@ -7,9 +7,9 @@ import pytest
 
 from merger import se2
 from merger.grid_map import GridMap
-from sim.recording import PlacedSubmap, Recording, write_recording
+from sim.recordings.recording import PlacedSubmap, Recording, write_recording
+from sim.recordings.scan_log import write_scan_log
 from sim.robot_run import LidarSpec, RobotRun, Trajectory
-from sim.scan_log import write_scan_log
 
 NUM_SCANS = 10_000
 

@@ -9,8 +9,8 @@ import pytest
 from merger import se2
 from merger.pipeline import MergeConfig, Method, merge_maps
 from sim.config import SimConfig, SourceConfig, SourceKind
-from sim.dataset import make_dataset, read_dataset
-from sim.submaps import SubmapsConfig
+from sim.datasets.dataset import make_dataset, read_dataset
+from sim.maps.submaps import SubmapsConfig
 
 _LOG = Path(__file__).resolve().parents[3] / "shared" / "data" / "intel-corrected.log.gz"
 

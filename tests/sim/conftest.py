@@ -9,11 +9,11 @@ import pytest
 
 from merger import se2
 from sim.config import SimConfig, SourceConfig, SourceKind
-from sim.dataset import make_dataset
+from sim.datasets.dataset import make_dataset
+from sim.maps.submap_mapping import MappingConfig, PoseSource
+from sim.maps.submaps import SubmapsConfig
+from sim.recordings.scan_log import write_scan_log
 from sim.robot_run import LidarSpec, RobotRun, Trajectory
-from sim.scan_log import write_scan_log
-from sim.submap_mapping import MappingConfig, PoseSource
-from sim.submaps import SubmapsConfig
 
 MakeRuns = Callable[..., list[RobotRun]]
 

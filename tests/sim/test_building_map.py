@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from merger import se2
-from sim.building_map import draw_building
-from sim.figures import draw_overview, draw_world
-from sim.message_template import fill_template, find_values
-from sim.plan import Material
-from sim.world import World
+from sim.buildings.building_map import draw_building
+from sim.buildings.plan import Material
+from sim.buildings.world import World
+from sim.datasets.figures import draw_overview, draw_world
+from sim.recordings.message_template import fill_template, find_values
 
 
 def box_world() -> World:

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from merger import se2
-from sim.carmen import beam_angles, no_return_reading, read_carmen
-from sim.carmen_lines import LogError
-from sim.scan_log import write_scan_log
+from sim.recordings.carmen import beam_angles, no_return_reading, read_carmen
+from sim.recordings.carmen_lines import LogError
+from sim.recordings.scan_log import write_scan_log
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 

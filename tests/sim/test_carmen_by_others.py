@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from merger import se2
-from sim.carmen import read_carmen
+from sim.recordings.carmen import read_carmen
 
 PROGRAMS = ("carmen2rawlog", "rawlog-edit", "carmen2simplemap")
 MISSING = [program for program in PROGRAMS if shutil.which(program) is None]

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim.collection import CollectionItem, make_collection
 from sim.config import SimConfig
-from sim.dataset import read_dataset
-from sim.dataset_check import check_dataset
-from sim.dataset_folder import DatasetError, file_sha256
-from sim.submaps import SubmapsConfig
+from sim.datasets.collection import CollectionItem, make_collection
+from sim.datasets.dataset import read_dataset
+from sim.datasets.dataset_check import check_dataset
+from sim.datasets.dataset_folder import DatasetError, file_sha256
+from sim.maps.submaps import SubmapsConfig
 
 NUM_KILLS = 20
 

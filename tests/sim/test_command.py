@@ -8,14 +8,14 @@ import pytest
 from sim.command import make_command, override_words
 from sim.config import SimConfig, SourceConfig, SourceKind
 from sim.hydra_schema import build, compose_config
-from sim.lidar_noise import NOISE_PRESETS
-from sim.lidar_presets import LIDAR_PRESETS
-from sim.people import PeopleConfig
+from sim.maps.submap_mapping import MappingConfig, PoseSource
+from sim.maps.submaps import SubmapsConfig
 from sim.resources import conf_folder
-from sim.robot import RobotConfig
+from sim.robots.people import PeopleConfig
+from sim.robots.robot import RobotConfig
+from sim.sensors.lidar_noise import NOISE_PRESETS
+from sim.sensors.lidar_presets import LIDAR_PRESETS
 from sim.sim_schema import ROOT, RunConfig, register_schema
-from sim.submap_mapping import MappingConfig, PoseSource
-from sim.submaps import SubmapsConfig
 
 CONFIGS = [
     SimConfig(),

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from sim import __main__ as command_line
-from sim.dataset import read_dataset
+from sim.datasets.dataset import read_dataset
 
 ROOT = Path(__file__).resolve().parents[2]
 

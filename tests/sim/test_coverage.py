@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim.coverage import CoverageConfig, choose_starts, more_visits, plan_tours, spread_places
-from sim.free_space import measure_free_space
-from sim.grid_paths import grid_graph, search_nearest
-from sim.plan import box
-from sim.routing import Router
-from sim.tour import shorten_tour
-from sim.world import World, read_world
+from sim.buildings.free_space import measure_free_space
+from sim.buildings.grid_paths import grid_graph, search_nearest
+from sim.buildings.plan import box
+from sim.buildings.world import World, read_world
+from sim.robots.coverage import CoverageConfig, choose_starts, more_visits, plan_tours, spread_places
+from sim.robots.routing import Router
+from sim.robots.tour import shorten_tour
 
 RADIUS_M = 0.3
 

@@ -10,14 +10,14 @@ import pytest
 
 from merger import se2
 from merger.map_server import read_map
-from sim.carmen import read_carmen
 from sim.config import SimConfig, SourceConfig, SourceKind, to_plain_dict
-from sim.dataset import make_dataset, read_dataset
-from sim.dataset_check import check_dataset
-from sim.dataset_folder import DatasetError, file_sha256, new_folder, write_index
-from sim.submap_mapping import MappingConfig, PoseSource
-from sim.submaps import SubmapsConfig
-from sim.tum import read_tum
+from sim.datasets.dataset import make_dataset, read_dataset
+from sim.datasets.dataset_check import check_dataset
+from sim.datasets.dataset_folder import DatasetError, file_sha256, new_folder, write_index
+from sim.maps.submap_mapping import MappingConfig, PoseSource
+from sim.maps.submaps import SubmapsConfig
+from sim.recordings.carmen import read_carmen
+from sim.recordings.tum import read_tum
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from sim.tum import read_tum
+from sim.recordings.tum import read_tum
 
 EVO = shutil.which("evo_ape")
 

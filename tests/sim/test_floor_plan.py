@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from sim.floor_plan import OfficeConfig
-from sim.floor_shape import Style
-from sim.free_space import measure_free_space
-from sim.furnishing import FurnishConfig
-from sim.world import World, read_world
+from sim.buildings.floor_plan import OfficeConfig
+from sim.buildings.floor_shape import Style
+from sim.buildings.free_space import measure_free_space
+from sim.buildings.furnishing import FurnishConfig
+from sim.buildings.world import World, read_world
 
 
 def office(seed: int, **fields: object) -> World:

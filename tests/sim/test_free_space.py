@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from sim.free_space import measure_free_space, sample_segments
-from sim.plan import box
-from sim.world import read_world
+from sim.buildings.free_space import measure_free_space, sample_segments
+from sim.buildings.plan import box
+from sim.buildings.world import read_world
 
 
 @pytest.fixture

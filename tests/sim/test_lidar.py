@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 from merger import se2
-from sim.lidar import make_scene, scan_run
-from sim.lidar_noise import NOISE_PRESETS, NoiseConfig
-from sim.lidar_presets import LIDAR_PRESETS
-from sim.plan import Material
-from sim.ray_casting import cast_rays
+from sim.buildings.plan import Material
 from sim.robot_run import LidarSpec, Trajectory
-from sim.segment_grid import build_segment_grid
+from sim.sensors.lidar import make_scene, scan_run
+from sim.sensors.lidar_noise import NOISE_PRESETS, NoiseConfig
+from sim.sensors.lidar_presets import LIDAR_PRESETS
+from sim.sensors.ray_casting import cast_rays
+from sim.sensors.segment_grid import build_segment_grid
 
 NUM_SCANS = 400
 LIDAR = LidarSpec(180, -math.pi / 2, math.radians(1.0), 0.1, 12.0, 0.1, 0.0002, T_robot_lidar=(0.2, 0.05, 0.1))

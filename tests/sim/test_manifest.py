@@ -11,10 +11,10 @@ import cv2
 import pytest
 
 from sim.config import SimConfig, to_plain_dict
-from sim.dataset import make_dataset
-from sim.dataset_check import check_dataset
+from sim.datasets.dataset import make_dataset
+from sim.datasets.dataset_check import check_dataset
+from sim.datasets.manifest import compare_manifest, make_manifest
 from sim.hydra_schema import build, compose_config
-from sim.manifest import compare_manifest, make_manifest
 from sim.resources import conf_folder
 from sim.sim_schema import ROOT, register_schema
 

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from merger import se2
-from sim.mapping import OccupancyConfig, OccupancyMapper
+from sim.maps.mapping import OccupancyConfig, OccupancyMapper
+from sim.maps.submap_mapping import MappingConfig, PoseSource, map_ground_truth, map_submap
 from sim.robot_run import LidarSpec, RobotRun, Trajectory
-from sim.submap_mapping import MappingConfig, PoseSource, map_ground_truth, map_submap
 
 LIDAR = LidarSpec(60, -2.0, 0.07, 0.1, 30.0, T_robot_lidar=(0.2, -0.1, 0.3))
 CONFIG = OccupancyConfig(resolution_m=0.1, max_range_m=4.0, log_odds_limit=3.0)

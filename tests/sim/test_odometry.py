@@ -7,7 +7,7 @@ import numpy.typing as npt
 import pytest
 
 from merger import se2
-from sim.odometry import OdometryConfig, integrate_odometry
+from sim.sensors.odometry import OdometryConfig, integrate_odometry
 
 PERFECT = OdometryConfig(alpha1=0.0, alpha2=0.0, alpha3=0.0, alpha4=0.0)
 

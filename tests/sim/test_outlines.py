@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.outlines import outline_segments
-from sim.plan import Material, Solid, box
+from sim.buildings.outlines import outline_segments
+from sim.buildings.plan import Material, Solid, box
 
 
 def total_length(solids: list[Solid]) -> float:

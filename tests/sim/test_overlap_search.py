@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from sim.config import SimConfig
-from sim.dataset import make_dataset, read_dataset
-from sim.submaps import SubmapsConfig
+from sim.datasets.dataset import make_dataset, read_dataset
+from sim.maps.submaps import SubmapsConfig
 
 
 @pytest.mark.parametrize("target", [0.3, 0.5])

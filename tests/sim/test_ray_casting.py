@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim.ray_casting import DISC_HIT, NO_HIT, Discs, cast_rays
-from sim.segment_grid import build_segment_grid
+from sim.sensors.ray_casting import DISC_HIT, NO_HIT, Discs, cast_rays
+from sim.sensors.segment_grid import build_segment_grid
 
 _spec = importlib.util.spec_from_file_location("pymunk_rays", Path(__file__).with_name("pymunk_rays.py"))
 pymunk_rays = importlib.util.module_from_spec(_spec)

@@ -19,8 +19,8 @@ from rosbags.highlevel import AnyReader
 
 from merger import se2
 from merger.grid_map import GridMap
-from sim.recording import PlacedSubmap, Recording, write_recording
-from sim.recording_messages import EPOCH_NS, planar_poses
+from sim.recordings.recording import PlacedSubmap, Recording, write_recording
+from sim.recordings.recording_messages import EPOCH_NS, planar_poses
 
 NODE_SCRIPT = Path(__file__).with_name("read_mcap.cjs")
 NODE_MODULES = Path(os.environ.get("NODE_PATH", Path(__file__).resolve().parents[2] / "node_modules"))

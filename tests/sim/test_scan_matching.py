@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from merger import se2
-from sim.joint_alignment import JointAlignmentConfig
-from sim.lidar import make_scene, scan_run
-from sim.lidar_noise import NOISE_PRESETS, NoiseConfig
-from sim.likelihood_field import BLOCK, draw_surfaces, search_pose
-from sim.odometry import OdometryConfig, integrate_odometry
+from sim.maps.joint_alignment import JointAlignmentConfig
+from sim.maps.likelihood_field import BLOCK, draw_surfaces, search_pose
+from sim.maps.scan_matching import ScanMatchingConfig
+from sim.maps.scan_surfaces import find_surfaces
+from sim.maps.submap_poses import PoseEstimationConfig, estimate_poses, expect_odometry
 from sim.robot_run import LidarSpec, RobotRun, Trajectory
-from sim.scan_matching import ScanMatchingConfig
-from sim.scan_surfaces import find_surfaces
-from sim.submap_poses import PoseEstimationConfig, estimate_poses, expect_odometry
+from sim.sensors.lidar import make_scene, scan_run
+from sim.sensors.lidar_noise import NOISE_PRESETS, NoiseConfig
+from sim.sensors.odometry import OdometryConfig, integrate_odometry
 
 LOGS = Path(__file__).resolve().parents[3] / "shared" / "data"
 LIDAR = LidarSpec(180, -math.pi / 2, math.radians(1.0), 0.05, 30.0, T_robot_lidar=(0.1, 0.0, 0.0))

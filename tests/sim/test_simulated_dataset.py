@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 
 from sim.config import SimConfig
-from sim.dataset import make_dataset, read_dataset
-from sim.dataset_check import check_dataset
-from sim.dataset_folder import file_sha256
-from sim.lidar_noise import NOISE_PRESETS
-from sim.robot import RobotConfig
+from sim.datasets.dataset import make_dataset, read_dataset
+from sim.datasets.dataset_check import check_dataset
+from sim.datasets.dataset_folder import file_sha256
+from sim.maps.submap_mapping import MappingConfig, PoseSource
+from sim.maps.submaps import SubmapsConfig
+from sim.recordings.tum import read_tum
 from sim.robot_run import LidarSpec
+from sim.robots.robot import RobotConfig
+from sim.sensors.lidar_noise import NOISE_PRESETS
 from sim.source import check_source, make_source
-from sim.submap_mapping import MappingConfig, PoseSource
-from sim.submaps import SubmapsConfig
-from sim.tum import read_tum
 
 WORLD = """
 walls: [[[0, 0], [6, 0], [6, 5], [0, 5], [0, 0]], [[3, 0], [3, 3]]]

@@ -8,19 +8,19 @@ import pytest
 from scipy.spatial import cKDTree
 
 from merger import se2
-from sim.coverage import CoverageConfig
-from sim.driver import Driver, Mode
-from sim.floor_plan import OfficeConfig
-from sim.free_space import measure_free_space, sample_segments
-from sim.odometry import OdometryConfig
-from sim.people import MovingDiscs, PeopleConfig
-from sim.plan import Plan, Room, Solid, box
-from sim.robot import Robot, RobotConfig, make_space
+from sim.buildings.floor_plan import OfficeConfig
+from sim.buildings.free_space import measure_free_space, sample_segments
+from sim.buildings.plan import Plan, Room, Solid, box
+from sim.buildings.world import Material, World, make_world, read_world
 from sim.robot_run import LidarSpec
-from sim.routing import Router
+from sim.robots.coverage import CoverageConfig
+from sim.robots.driver import Driver, Mode
+from sim.robots.people import MovingDiscs, PeopleConfig
+from sim.robots.robot import Robot, RobotConfig, make_space
+from sim.robots.routing import Router
+from sim.robots.stepping import Clock, run_space
+from sim.sensors.odometry import OdometryConfig
 from sim.simulation import DriveConfig, Sensor, Simulation, drive, simulate
-from sim.stepping import Clock, run_space
-from sim.world import Material, World, make_world, read_world
 
 RADIUS_M = RobotConfig().radius_m
 

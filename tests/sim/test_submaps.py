@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from merger import se2
-from sim.submaps import SubmapsConfig, cut_submaps, draw_submap_frame
+from sim.maps.submaps import SubmapsConfig, cut_submaps, draw_submap_frame
 
 
 @given(st.lists(st.integers(5, 3000), min_size=1, max_size=4), st.integers(0, 12), st.floats(0.0, 0.9))

@@ -9,8 +9,8 @@ from scipy.spatial import cKDTree
 from merger import se2
 from merger.grid_map import GridMap
 from merger.map_server import write_map
-from sim.free_space import sample_segments
-from sim.world import read_world
+from sim.buildings.free_space import sample_segments
+from sim.buildings.world import read_world
 
 RESOLUTION_M = 0.05
 CORNER = se2.make_motion(-3.0, 2.0, 0.4)

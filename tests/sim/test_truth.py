@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from merger import se2
 from merger.grid_map import GridMap
-from sim.truth import (
+from sim.maps.truth import (
     Truth,
     TruthError,
     align_poses,

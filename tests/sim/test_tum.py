@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from merger import se2
-from sim.tum import read_tum, write_tum
+from sim.recordings.tum import read_tum, write_tum
 
 
 def test_poses_are_written_in_the_order_of_time_with_nine_decimals(tmp_path):

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim.plan import Material
-from sim.world import read_world
+from sim.buildings.plan import Material
+from sim.buildings.world import read_world
 
 BOX = "walls:\n  - [[0, 0], [8, 0], [8, 6], [0, 6], [0, 0]]\n"
 STARTS = "starts: [[2, 3, 90]]\n"
@@ -62,7 +62,7 @@ def test_materials_are_kept(tmp_path: Path) -> None:
 
 def test_furnishing_more_gives_more_and_keeps_the_room_reachable(tmp_path: Path) -> None:
     room = "rooms: [{name: office, rect: [4, 0, 8, 6], furnish: office}]\ndoors: [{at: [4, 3], width: 0.9}]\n"
-    from sim.furnishing import FurnishConfig  # noqa: PLC0415 (only this test furnishes)
+    from sim.buildings.furnishing import FurnishConfig  # noqa: PLC0415 (only this test furnishes)
 
     path = write(tmp_path, DIVIDED + room + STARTS)
     bare = read_world(path, furnish=FurnishConfig(furniture=0.0, clutter=0.0))

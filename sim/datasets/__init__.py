@@ -1,0 +1,1 @@
+"""Datasets: whole folders, made, described, checked, collected."""

@@ -1,0 +1,1 @@
+"""Maps: occupancy mapping, scan matching, submaps and how they lie under the truth."""

@@ -1,0 +1,1 @@
+"""Recordings: MCAP, CARMEN logs and TUM trajectories, written and read."""
