@@ -22,6 +22,7 @@ from sim.robots.stepping import Clock, Recording, run_space
 from sim.sensors.lidar import Scene, make_scene, scan_run
 from sim.sensors.lidar_noise import NoiseConfig
 from sim.sensors.odometry import OdometryConfig, integrate_odometry
+from sim.sensors.range_store import keep_ranges
 from sim.streams import Purpose, make_stream
 
 Array = npt.NDArray[np.float64]
@@ -30,6 +31,8 @@ _MARGIN_M = 0.04
 """Planned ways keep this distance between a robot's body and walls."""
 _FAR_AWAY_M = 1e6
 """Where a robot is that has left the building."""
+_KEPT_BYTES = 256 * 2**20
+"""Memory for the ranges of all robots together."""
 
 
 @dataclass(frozen=True)
@@ -141,7 +144,7 @@ def simulate(
         noise_seed: Of odometry and lidar; none: as ``seed``.
 
     Returns:
-        One run for each robot; scans are cast when they are read.
+        One run for each robot; scans are cast when they are first read.
 
     Raises:
         ValueError: as `drive`, or the lidar is impossible.
@@ -152,7 +155,8 @@ def simulate(
     runs = []
     for k, trajectory in enumerate(simulation.trajectories):
         scene = _with_others(walls, simulation.moving, k)
-        runs.append(scan_run(scene, trajectory, sensor.lidar, sensor.noise, seed=noise_seed))
+        run = scan_run(scene, trajectory, sensor.lidar, sensor.noise, seed=noise_seed)
+        runs.append(keep_ranges(run, _KEPT_BYTES // num_robots))
     return runs
 
 
