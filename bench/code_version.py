@@ -17,8 +17,8 @@ from sim.version import package_version
 _LIBRARIES = ("numpy", "scipy", "opencv-python-headless", "numba")
 _MERGER_NOUNS = ("se2.py", "grid_map.py", "map_server.py")
 _SCORE_FILES = (
-    *("*metrics.py", "objective.py", "nearest_other.py", "vote_kernel.py", "yardstick.py"),
-    *("calibration.py", "scores.py", "prediction.py"),
+    *("*metrics.py", "objective.py", "nearest_other.py", "vote_kernel.py", "map_raster.py"),
+    *("yardstick.py", "calibration.py", "scores.py", "prediction.py"),
 )
 
 

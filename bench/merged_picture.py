@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from bench import grid_metrics
 from bench.drawing import map_colours
+from bench.map_raster import Raster, count_votes, make_sheet
 from merger import se2
 from merger.grid_map import GridMap
 
@@ -18,7 +18,7 @@ _FREE = (0.5, 0.5, 0.5, 0.16)
 
 
 def draw_merge(
-    maps: Sequence[GridMap], T_world_map: Array, raster: grid_metrics.Raster, members: Sequence[int] | None = None
+    maps: Sequence[GridMap], T_world_map: Array, raster: Raster, members: Sequence[int] | None = None
 ) -> npt.NDArray[np.uint8]:
     """Paint maps at their poses.
 
@@ -36,7 +36,7 @@ def draw_merge(
     shown = [k for k in (range(len(maps)) if members is None else members) if np.isfinite(T_world_map[k]).all()]
     walls = []
     for k in shown:
-        occupied, free = grid_metrics.count_votes([grid_metrics.make_sheet(maps[k])], T_world_map[k : k + 1], raster)
+        occupied, free = count_votes([make_sheet(maps[k])], T_world_map[k : k + 1], raster)
         image[(free > 0) & (image[..., 3] == 0.0)] = _FREE
         walls.append((colours[k], cv2.dilate((occupied > 0).astype(np.uint8), _BRUSH) > 0))
     for colour, mask in walls:
@@ -44,13 +44,13 @@ def draw_merge(
     return np.asarray(np.rint(image[::-1] * 255.0), dtype=np.uint8)
 
 
-def frame_of(maps: Sequence[GridMap], T_world_map: Array, max_pixels: int = 600) -> grid_metrics.Raster:
+def frame_of(maps: Sequence[GridMap], T_world_map: Array, max_pixels: int = 600) -> Raster:
     """A raster that holds the walls of the maps at these poses, with a margin, at most so many pixels wide or high."""
     points = np.concatenate([_known_corners(m, T) for m, T in zip(maps, T_world_map, strict=True)])
     low, high = points.min(axis=0) - 1.0, points.max(axis=0) + 1.0
     cell = max(min(m.resolution_m for m in maps), float((high - low).max()) / max_pixels)
     cols, rows = (math.ceil(v / cell) for v in high - low)
-    return grid_metrics.Raster(float(low[0]), float(low[1]), cell, rows, cols)
+    return Raster(float(low[0]), float(low[1]), cell, rows, cols)
 
 
 def _known_corners(grid: GridMap, T_world_map: Array) -> Array:

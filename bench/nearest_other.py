@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 Array = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
-_POINTS_PER_BIN = 2.0
+_POINTS_PER_BIN = 8.0
 _RINGS = 16
 
 

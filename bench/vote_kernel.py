@@ -1,4 +1,4 @@
-"""The hot loop of `bench.grid_metrics`: lay one map onto a raster and count (numba)."""
+"""The hot loops of `bench.map_raster` and `bench.grid_metrics`: lay one map onto a raster, and count (numba)."""
 
 import numpy as np
 import numpy.typing as npt
@@ -35,6 +35,16 @@ def add_votes(
             mark = marks[int(y0 + T[1, 0] * (col + 0.5)), int(x0 + T[0, 0] * (col + 0.5))]
             occupied[row, col] += mark & OCCUPIED
             free[row, col] += mark >> 1
+
+
+@njit(cache=True, nogil=True)
+def count_agreements(occupied: npt.NDArray[np.uint16], free: npt.NDArray[np.uint16]) -> tuple[int, int]:
+    """How often, over all cells and all two maps that know a cell, they agree on it, and how often they do not."""
+    agree, disagree = 0, 0
+    for o, f in zip(occupied.flat, free.flat):  # noqa: B905  # numba knows no strict
+        agree += (int(o) * (int(o) - 1) + int(f) * (int(f) - 1)) // 2
+        disagree += int(o) * int(f)
+    return agree, disagree
 
 
 @njit(cache=True, nogil=True)

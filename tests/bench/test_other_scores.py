@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bench import calibration, grid_metrics, objective, pair_metrics, relation_metrics
+from bench import calibration, grid_metrics, map_raster, objective, pair_metrics, relation_metrics
 from bench.nearest_other import nearest_other_m
 from bench.statistics import breaking_point, wilson_share
 from merger import se2
@@ -137,7 +137,7 @@ def test_every_raster_cell_gets_the_votes_of_the_map_cells_at_its_centre(dataset
         np.stack([se2.make_motion(3.0, -1.0, theta), se2.make_motion(5.0, 2.0, theta)]),
     )
     raster = grid_metrics.lay_true_grid(maps, T_world_map).raster
-    votes = grid_metrics.count_votes([grid_metrics.make_sheet(m) for m in maps], T_world_map, raster)
+    votes = map_raster.count_votes([map_raster.make_sheet(m) for m in maps], T_world_map, raster)
     cols, rows = np.meshgrid(np.arange(raster.cols) + 0.5, np.arange(raster.rows) + 0.5)
     centres = np.stack([raster.x_min_m + cols * raster.cell_m, raster.y_min_m + rows * raster.cell_m], axis=-1)
     expected = np.zeros((2, raster.rows, raster.cols), dtype=int)
