@@ -27,7 +27,7 @@ CELLS_TOLERANCE = 0.03
 """The numbers of a map's occupied and of its free cells may differ by this share."""
 OVERLAP_TOLERANCE = 0.05
 """An overlap fraction may differ by this."""
-_LIBRARIES = ("numpy", "scipy", "numba", "opencv-python-headless", "pymunk", "matplotlib", "mcap", "zstandard")
+_LIBRARIES = ("numpy", "scipy", "numba", "opencv-python-headless", "pymunk", "mcap", "zstandard")
 
 
 def make_manifest(folder: Path) -> dict[str, Any]:
