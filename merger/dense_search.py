@@ -27,8 +27,8 @@ _CORE_QUANTILES = (0.01, 0.99)
 """The walls between these quantiles are searched."""
 _NOTHING = 1e-3
 """Rewards smaller than this are none."""
-_HARMONICS = np.arange(33)
-"""Of the directions of a map's walls, which repeat after half a turn."""
+_HARMONICS = np.arange(17)
+"""Of the directions of a map's walls, which count alike after a quarter turn: most walls meet at right angles."""
 _PARALLEL_RAD = np.radians(3.0)
 """Walls that differ by about this are parallel."""
 
@@ -45,15 +45,16 @@ class DenseSearchConfig:
     """Step of the shifts and width of the likelihood, metres, > 0."""
     step_deg: float = 4.0
     """Step of the rotations, degrees, in (0, 90]."""
-    free_weight: float = 5.0
+    free_weight: float = 4.0
     """Cost of a wall in free space relative to the gain of a wall on a wall, >= 0."""
     free_width_cells: float = 1.0
     """Free space nearer to a wall than about this counts less: rotations and shifts are tried in steps; > 0."""
-    min_parallel: float = 0.4
-    """Rotations that lay fewer walls parallel, relative to the best one, are not tried, in [0, 1]; 0: all are."""
-    num_peaks: int = 24
+    min_parallel: float = 0.5
+    """Rotations that lay fewer walls parallel or square, relative to the best one, are not tried, in [0, 1]; 0: all
+    are."""
+    num_peaks: int = 36
     """Hypotheses to return, at least 1."""
-    num_peaks_rotation: int = 6
+    num_peaks_rotation: int = 8
     """Peaks to keep of each rotation, at least 1."""
     separation_m: float = 1.0
     """Two hypotheses nearer than this, and than three rotation steps, are one, metres, > 0."""
@@ -88,7 +89,7 @@ class CoarseMap:
     reward: Image
     """(S, S) what a wall in this cell is worth: 1 on a wall, ``-free_weight`` in free space, 0 in the unknown."""
     directions: npt.NDArray[np.complex128]
-    """(33,) Fourier coefficients of the wall length by direction."""
+    """(17,) Fourier coefficients of the wall length by direction, folded to a quarter turn."""
     T_map_center: Array
     """(3, 3) pose of its frame ``center`` in frame ``map``: origin in the middle, axes along the cells."""
 
@@ -137,7 +138,7 @@ def _directions(structure: WallStructure) -> npt.NDArray[np.complex128]:
     """Fourier coefficients of the wall length by direction; what is no line has none."""
     walls = structure.walls
     angle = np.arctan2(walls.normals[:, 1], walls.normals[:, 0])
-    first = np.exp(-2j * angle)
+    first = np.exp(-4j * angle)
     powers = np.cumprod(np.vstack([np.ones_like(first), np.tile(first, (len(_HARMONICS) - 1, 1))]), axis=0)
     return np.asarray(np.einsum("ij,j", powers, walls.lengths_m * walls.linearity**2))
 
@@ -211,10 +212,11 @@ def _are_parallel(
     """(R,) whether each rotation, or its opposite, lays enough walls of the two maps parallel to be tried.
 
     All walls of one building share its few directions, so the true rotation lays many parallel, whatever the overlap.
+    Those at right angles count, too: two maps that look along two corridors share walls that are few in one of them.
     """
-    weight = np.where(_HARMONICS > 0, 2.0, 1.0) * np.exp(-0.5 * (2.0 * _HARMONICS * _PARALLEL_RAD) ** 2)
+    weight = np.where(_HARMONICS > 0, 2.0, 1.0) * np.exp(-0.5 * (4.0 * _HARMONICS * _PARALLEL_RAD) ** 2)
     series = weight * target.directions * np.conj(source.directions)
-    parallel = (np.exp(2j * np.outer(angles_rad, _HARMONICS)) @ series).real
+    parallel = (np.exp(4j * np.outer(angles_rad, _HARMONICS)) @ series).real
     return np.asarray(parallel >= config.min_parallel * parallel.max())
 
 

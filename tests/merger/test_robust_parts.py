@@ -5,6 +5,7 @@ import pytest
 
 from merger import robust_averaging, se2
 from merger.dense_search import CoarseMap, DenseSearchConfig, coarsen, search_motions
+from merger.grid_map import GridMap
 from merger.joint_refinement import JointRefinementConfig, refine_jointly
 from merger.motion_graph import MotionGraph
 from merger.pair_probability import ProbabilityConfig, log_odds_of, probability
@@ -66,12 +67,26 @@ def test_dense_search_finds_the_true_motion_first(pair, T_A_B):
 
 def test_dense_search_tries_few_rotations_of_straight_walls_and_misses_nothing(pair):
     found = []
-    for min_parallel in (0.4, 0.0):
+    for min_parallel in (DenseSearchConfig().min_parallel, 0.0):
         config = DenseSearchConfig(min_parallel=min_parallel)
         coarse = [coarsen(item, config) for item in pair]
         found.append(search_motions([coarse[0]], coarse[1], config)[0])
     assert found[0][0].score == found[1][0].score
     assert found[0][0].T_target_source == pytest.approx(found[1][0].T_target_source)
+
+
+def test_dense_search_tries_the_rotation_of_two_corridors_that_meet_at_a_corner():
+    cells = np.zeros((700, 700), dtype=np.float32)
+    cells[20:61, 20:680] = cells[20:680, 20:61] = 2.0
+    cells[22:59, 22:678] = cells[22:678, 22:59] = -2.0
+    along, across = cells.copy(), cells.copy()
+    along[120:], across[:, 120:] = 0.0, 0.0
+    coarse = [
+        coarsen(extract_structure(GridMap("l", part, 0.05), WallStructureConfig()), DenseSearchConfig())
+        for part in (along, across)
+    ]
+    peaks = search_motions([coarse[0]], coarse[1], DenseSearchConfig())[0]
+    assert any(np.abs(peak.T_target_source - np.eye(3)).max() < 0.4 for peak in peaks)
 
 
 def test_dense_search_scores_as_a_slow_oracle_does():
@@ -94,7 +109,7 @@ def test_dense_search_scores_as_a_slow_oracle_does():
 
 def random_coarse_map(rng: np.random.Generator, side: int) -> CoarseMap:
     walls, reward = rng.random((2, side, side)).astype(np.float32)
-    return CoarseMap(walls, reward, np.zeros(33, dtype=np.complex128), np.eye(3))
+    return CoarseMap(walls, reward, np.zeros(17, dtype=np.complex128), np.eye(3))
 
 
 def test_peaks_agree_with_a_slow_oracle():
