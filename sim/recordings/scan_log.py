@@ -89,15 +89,23 @@ def _readings(ranges_m: npt.NDArray[np.float32], lidar: LidarSpec) -> list[str]:
     millimetres = np.rint(values.astype(np.float64) * 1000.0)
     exact = np.array_equal((millimetres / 1000.0).astype(np.float32), values)
     if exact and millimetres.min() >= 0.0 and millimetres.max() < _NUM_TEXTS:
-        texts = _millimetre_texts()
-        return [" ".join([texts[k] for k in row]) for row in millimetres.astype(np.int64).tolist()]
+        return _join_words(_millimetre_words()[millimetres.astype(np.int64)])
     return [" ".join([f"{value:.9g}" for value in row]) for row in values.tolist()]
 
 
 @cache
-def _millimetre_texts() -> list[str]:
-    """Metres as text, by millimetres: looking up is faster than formatting."""
-    return [repr(k / 1000.0) for k in range(_NUM_TEXTS)]
+def _millimetre_words() -> npt.NDArray[np.uint8]:
+    """(_NUM_TEXTS, L) metres as text and a space, filled up with zeros: looking up is faster than formatting."""
+    words = [f"{k / 1000.0!r} " for k in range(_NUM_TEXTS)]
+    return np.array(words, dtype=np.bytes_).view(np.uint8).reshape(_NUM_TEXTS, -1)
+
+
+def _join_words(words: npt.NDArray[np.uint8]) -> list[str]:
+    """One text for each row of (S, B, L) words, as `_millimetre_words` has them."""
+    written = words != 0
+    text = words[written].tobytes().decode("ascii")
+    ends = np.cumsum(np.count_nonzero(written, axis=(1, 2))).tolist()
+    return [text[start : end - 1] for start, end in zip([0, *ends], ends, strict=False)]
 
 
 def _words(values: Sequence[float]) -> str:
