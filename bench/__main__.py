@@ -17,7 +17,7 @@ from bench.experiment import Experiment, write_experiment
 from bench.plan import plan_cells
 from bench.run import RunOptions, run_cells
 from bench.settings import BenchSettings, read_settings
-from bench.stages import ScoredCell, score_key
+from bench.stages import ScoredCell, keys_of
 from bench.store import Store
 from sim.config import SimConfig
 from sim.hydra_schema import build, compose_config, parse_overrides, register
@@ -51,7 +51,7 @@ def _run(arguments: list[str]) -> int:
     jobs = expand_sweep([a for a in arguments if a not in (*_MULTIRUN, *launcher)], multirun)
     planned = [_plan(job) for job in jobs]
     settings, name = planned[0][0], planned[0][1]
-    cells = list({score_key(cell): cell for _, _, job_cells in planned for cell in job_cells}.values())
+    cells = list({keys_of(cell).score: cell for _, _, job_cells in planned for cell in job_cells}.values())
     out = Path(settings.out or f"out/{name}")
     _check_out(out)
     store = Store(out / "store")

@@ -97,11 +97,12 @@ def run_isolated(function: Callable[..., dict[str, Any] | None], arguments: tupl
         process.start()
     sender.close()
     start = time.monotonic()
+    answer = None
     try:
         breach, polled_mb = _watch(process, receiver, limits, start)
         answer = None if breach else _receive(receiver)
     finally:
-        _end(process)
+        _end(process, wait=answer is None)
         receiver.close()
     if breach:
         return Outcome("failed", breach, time.monotonic() - start, polled_mb)
@@ -170,13 +171,15 @@ def _receive(receiver: connection.Connection) -> Any:
         return None
 
 
-def _end(process: ForkServerProcess) -> None:
-    """Let a child that has answered go; kill what is left of its session."""
-    process.join(timeout=1.0)
+def _end(process: ForkServerProcess, *, wait: bool) -> None:
+    """Kill a child and its session; one that has answered has nothing left to do, and nobody waits for its end."""
+    if wait:
+        process.join(timeout=1.0)
     if process.pid is not None:
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(process.pid, signal.SIGKILL)
-    process.join(timeout=10.0)
+    if wait:
+        process.join(timeout=10.0)
 
 
 def _death(exit_code: int | None) -> str:

@@ -6,13 +6,13 @@ import cv2
 import numpy as np
 
 _SIZE = 256
-_REPEATS = 3
+_REPEATS = 2
 
 
 def time_reference() -> float:
-    """Processor seconds of the fastest of three runs: an FFT, a distance transform and a sort, about 3 ms together.
+    """Processor seconds of the faster of two runs: an FFT, a distance transform and a sort, about 3 ms together.
 
-    Processor time, and the least of several: neither waiting for a busy machine nor a cold cache counts.
+    Processor time, and the lesser of two: neither waiting for a busy machine nor a cold cache counts.
     """
     image = np.random.default_rng(0).random((_SIZE, _SIZE))
     walls = (image > 0.98).astype(np.uint8)

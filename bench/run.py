@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from bench.cell import Cell, DatasetSpec, Outcome
 from bench.isolation import warm_up
-from bench.stages import ScoredCell, dataset_key, failed_cell, finish_dataset, finish_prediction, finish_score
+from bench.stages import ScoredCell, failed_cell, finish_dataset, finish_prediction, finish_score, keys_of
 from bench.store import Store
 
 CellProgress = Callable[[ScoredCell, int, int], None]
@@ -73,23 +73,23 @@ class _Runner:
 
     def finish(self, cell: Cell) -> ScoredCell:
         """One cell, from its dataset to its scores."""
-        made = self._make_dataset(cell.dataset)
+        keys = keys_of(cell)
+        made = self._make_dataset(cell.dataset, keys.dataset)
         if made.status != "ok":
-            scored = failed_cell(self._store, cell, made)
+            scored = failed_cell(self._store, cell, keys, made)
         else:
-            outcome = finish_prediction(self._store, cell, self._options.retry_failed)
-            scored = finish_score(self._store, cell, outcome)
+            outcome = finish_prediction(self._store, cell, keys, self._options.retry_failed)
+            scored = finish_score(self._store, cell, keys, outcome)
         with self._lock:
             self._done += 1
             if self._progress:
                 self._progress(scored, self._done, self._total)
         return scored
 
-    def _make_dataset(self, spec: DatasetSpec) -> Outcome:
-        key = dataset_key(spec)
+    def _make_dataset(self, spec: DatasetSpec, key: str) -> Outcome:
         with self._lock:
             lock = self._locks[key]
             retry = self._options.retry_failed and key not in self._retried
             self._retried.add(key)
         with lock:
-            return finish_dataset(self._store, spec, retry)
+            return finish_dataset(self._store, spec, key, retry)

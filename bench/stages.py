@@ -1,6 +1,7 @@
 """The stages of a cell: dataset, prediction, scores; each is cached on disk and refuses what another config made."""
 
 import functools
+import importlib
 import math
 import time
 from dataclasses import asdict, dataclass, replace
@@ -43,27 +44,30 @@ class ScoredCell:
     """The ``result.json``, if there is one."""
 
 
-def dataset_key(spec: DatasetSpec) -> str:
-    """Key of a dataset: its configuration, the code that makes it, and the log that it is cut from."""
-    log = spec.config.source.path
+@dataclass(frozen=True)
+class CellKeys:
+    """What the stages of a cell are kept under: hashes of all that makes them."""
+
+    dataset: str
+    """The dataset's configuration, the code that makes it, and the log that it is cut from."""
+    prediction: str
+    """The dataset, the method, the seed, the order, and the version of what answers."""
+    score: str
+    """The answer and the code that scores."""
+
+
+def keys_of(cell: Cell) -> CellKeys:
+    """The keys of a cell."""
+    config, log = cell.dataset.config, cell.dataset.config.source.path
     content = code_version.file_version(Path(log)) if log else None
-    return hash_of([to_plain_dict(spec.config), code_version.dataset_version(), content])
-
-
-def prediction_key(cell: Cell) -> str:
-    """Key of an answer: dataset, method, seed, order, and the version of what answers."""
+    dataset = hash_of([to_plain_dict(config), code_version.dataset_version(), content])
     method = asdict(cell.method) | {"label": None}
-    return hash_of([dataset_key(cell.dataset), method, _method_version(cell.method), cell.seed, cell.order])
+    prediction = hash_of([dataset, method, _method_version(cell.method), cell.seed, cell.order])
+    return CellKeys(dataset, prediction, hash_of([prediction, code_version.score_version()]))
 
 
-def score_key(cell: Cell) -> str:
-    """Key of a row: its answer and the code that scores."""
-    return hash_of([prediction_key(cell), code_version.score_version()])
-
-
-def finish_dataset(store: Store, spec: DatasetSpec, retry_failed: bool) -> Outcome:
+def finish_dataset(store: Store, spec: DatasetSpec, key: str, retry_failed: bool) -> Outcome:
     """Make a dataset unless it is there; a failure is remembered, too."""
-    key = dataset_key(spec)
     if (store.dataset(key) / _INDEX).is_file():
         return Outcome("ok")
     known = store.read("failed_datasets", key)
@@ -76,41 +80,40 @@ def finish_dataset(store: Store, spec: DatasetSpec, retry_failed: bool) -> Outco
     return outcome
 
 
-def finish_prediction(store: Store, cell: Cell, retry_failed: bool) -> Outcome:
+def finish_prediction(store: Store, cell: Cell, keys: CellKeys, retry_failed: bool) -> Outcome:
     """Run the method unless its answer is there."""
-    key = prediction_key(cell)
-    known = store.read("outcomes", key)
+    known = store.read("outcomes", keys.prediction)
     if known and not (retry_failed and known["status"] != "ok"):
         return Outcome(**known)
-    limits = Limits(cell.method.time_limit_s, cell.method.memory_limit_mb)
     start_server()
+    importlib.import_module("bench.warm_kernels")  # once a sweep, as the server: no row is charged for it
     start = time.perf_counter()
-    with store.fill(store.prediction(key)) as folder:
-        arguments = (cell.method, store.dataset(dataset_key(cell.dataset)), cell.order, cell.seed, folder)
+    limits = Limits(cell.method.time_limit_s, cell.method.memory_limit_mb)
+    with store.fill(store.prediction(keys.prediction)) as folder:
+        arguments = (cell.method, store.dataset(keys.dataset), cell.order, cell.seed, folder)
         outcome = run_isolated(call_method, arguments, limits)
     outcome = replace(outcome, overhead_s=time.perf_counter() - start - outcome.wall_s)
-    store.write("outcomes", key, asdict(outcome))
+    store.write("outcomes", keys.prediction, asdict(outcome))
     return outcome
 
 
-def finish_score(store: Store, cell: Cell, outcome: Outcome) -> ScoredCell:
+def finish_score(store: Store, cell: Cell, keys: CellKeys, outcome: Outcome) -> ScoredCell:
     """Score the answer of a cell unless that is done."""
-    key = score_key(cell)
-    dataset, answer = store.dataset(dataset_key(cell.dataset)), store.prediction(prediction_key(cell)) / "result.json"
-    document = store.read("scores", key)
+    dataset, answer = store.dataset(keys.dataset), store.prediction(keys.prediction) / "result.json"
+    document = store.read("scores", keys.score)
     if document is None or document["outcome"] != _comparable(outcome):
         try:
             document = _score(dataset, answer, outcome)
         except (ArithmeticError, ValueError, cv2.error, MemoryError) as error:
             reason = f"scoring: {type(error).__name__}: {' '.join(str(error).split())}"
-            return failed_cell(store, cell, replace(outcome, status="failed", reason=reason))
-        store.write("scores", key, document)
+            return failed_cell(store, cell, keys, replace(outcome, status="failed", reason=reason))
+        store.write("scores", keys.score, document)
     return ScoredCell(cell, document["score"], document["maps"], document["pairs"], dataset, answer)
 
 
-def failed_cell(store: Store, cell: Cell, outcome: Outcome) -> ScoredCell:
+def failed_cell(store: Store, cell: Cell, keys: CellKeys, outcome: Outcome) -> ScoredCell:
     """A cell whose dataset could not be made, or whose answer could not be scored."""
-    dataset = store.dataset(dataset_key(cell.dataset))
+    dataset = store.dataset(keys.dataset)
     num_maps = num_submaps(cell.dataset.config)
     blank = replace(outcome, wall_s=math.nan, peak_memory_mb=math.nan)
     return ScoredCell(cell, asdict(score_failure(num_maps, blank)), [], [], dataset, dataset / "result.json")
