@@ -17,6 +17,11 @@ REACH_SIGMAS = 3.0
 """Farther than this from any surface the field is 0."""
 _SHORTEST_LINE_CELLS = 2.0
 """Ends that lie closer together are joined by one line."""
+_NUM_ITERATIONS = 20
+_SETTLED_CELLS, _SETTLED_RAD = 1e-2, 1e-4
+"""A pose is refined until it moves by less than this, or so many times."""
+_FLAT = 1e-12
+"""Where the square of the field's slope is less, a point tells no direction."""
 
 
 @njit(cache=True, nogil=True)
@@ -153,50 +158,55 @@ def _sum_at(field, cells, shift_x, shift_y):  # type: ignore[no-untyped-def] # a
 
 
 @njit(cache=True, nogil=True)
-def refine_pose(field, points, pose, prior, num_iterations):  # type: ignore[no-untyped-def] # a kernel
-    """Gauss-Newton steps (with a Gaussian prior at the prediction) on the interpolated field.
+def refine_pose(field, points, pose, prior, sigma):  # type: ignore[no-untyped-def] # a kernel
+    """Climb the interpolated field, with a Gaussian prior at the prediction, by reweighted least squares.
+
+    A point that lies d from a surface counts weight * exp(-d^2 / (2 sigma^2)): next to the surface it is worth as much
+    as a Gaussian residual, far from it (somebody walks by, the surface is new) nothing (Welsch's M-estimator).
 
     Args:
         field: (H, W) float32.
         points: (P, 2) points in cells, relative to the predicted position, turned by the predicted heading.
         pose: Predicted position x, y in cells; shift x, y and turn to start from.
         prior: As in `search_pose`.
-        num_iterations: At most this many steps.
+        sigma: Width of the field, cells.
 
     Returns:
-        Shift x, y (cells) and turn (radians), the mean value of the field at the points.
+        Shift x, y (cells) and turn (radians).
     """
     x0, y0, shift_x, shift_y, turn = pose
-    fit = 0.0
-    for _ in range(num_iterations):
-        H, g, fit = _normal_equations(field, points, (x0, y0, shift_x, shift_y, turn), prior)
+    for _ in range(_NUM_ITERATIONS):
+        H, g = _normal_equations(field, points, (x0, y0, shift_x, shift_y, turn), prior, sigma)
         step = np.linalg.solve(H, g)
         shift_x, shift_y, turn = shift_x + step[0], shift_y + step[1], turn + step[2]
-        if abs(step[0]) + abs(step[1]) < 1e-3 and abs(step[2]) < 1e-5:
+        if abs(step[0]) + abs(step[1]) < _SETTLED_CELLS and abs(step[2]) < _SETTLED_RAD:
             break
-    return shift_x, shift_y, turn, fit / max(len(points), 1)
+    return shift_x, shift_y, turn
 
 
 @njit(cache=True, nogil=True)
-def _normal_equations(field, points, pose, prior):  # type: ignore[no-untyped-def] # a kernel
-    """Gauss-Newton's matrix and gradient of a pose, and the sum of the field's values at the points."""
+def _normal_equations(field, points, pose, prior, sigma):  # type: ignore[no-untyped-def] # a kernel
+    """The reweighted least squares' matrix and gradient: each point's distance, along the field's slope, is linear."""
     x0, y0, shift_x, shift_y, turn = pose
     weight, shift_information, turn_information = prior
     H = np.diag(np.array([shift_information, shift_information, turn_information]))
     g = -np.diag(H) * np.array([shift_x, shift_y, turn])
     slope = np.empty(3)
-    fit, cosine, sine = 0.0, math.cos(turn), math.sin(turn)
+    cosine, sine = math.cos(turn), math.sin(turn)
     for i in range(len(points)):
         x, y = cosine * points[i, 0] - sine * points[i, 1], sine * points[i, 0] + cosine * points[i, 1]
         value, slope[0], slope[1] = _interpolate(field, x0 + shift_x + x, y0 + shift_y + y)
-        fit += value
+        steepness = slope[0] * slope[0] + slope[1] * slope[1]
+        if steepness < _FLAT:
+            continue
         slope[2] = -slope[0] * y + slope[1] * x
+        curvature = weight * value / (sigma * sigma * steepness)
         for r in range(3):
-            g[r] += 2.0 * weight * (1.0 - value) * slope[r]
+            g[r] += weight * slope[r]
             for c in range(r + 1):
-                H[r, c] += 2.0 * weight * slope[r] * slope[c]
+                H[r, c] += curvature * slope[r] * slope[c]
     H[0, 1], H[0, 2], H[1, 2] = H[1, 0], H[2, 0], H[2, 1]
-    return H, g, fit
+    return H, g
 
 
 @njit(cache=True, nogil=True)

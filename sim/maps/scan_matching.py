@@ -1,8 +1,8 @@
 """Scan-to-map matching that starts from odometry: search the likely poses, refine the best, add the scan, go on.
 
 Sources: Olson, "Real-time correlative scan matching", ICRA 2009 (search on a coarse field that bounds the fine one);
-Kohlbrecher et al., "A flexible and scalable SLAM system with full 3D motion estimation", SSRR 2011 (Gauss-Newton on
-an interpolated field).
+Kohlbrecher et al., "A flexible and scalable SLAM system with full 3D motion estimation", SSRR 2011 (least squares on
+an interpolated field; theirs, of 1 - value, is flat at a surface, since it grows with the distance's fourth power).
 """
 
 import math
@@ -16,7 +16,6 @@ from merger import se2
 from sim.maps.likelihood_field import BLOCK, draw_surfaces, refine_pose, search_pose
 
 _GROWTH_CELLS = 32 * BLOCK
-_NUM_ITERATIONS = 20
 _MIN_POINTS = 10
 """A scan with fewer ends stays where odometry puts it."""
 _SEARCH_POINTS = 100
@@ -39,8 +38,8 @@ class ScanMatchingConfig:
     """Width of the field around a surface, > 0."""
     search_sigmas: float = 3.0
     """Half the width of the search, in standard deviations of the odometry since the last scan, > 0."""
-    point_weight: float = 0.5
-    """Log-likelihood that one well fitting point is worth against the odometry, > 0."""
+    point_weight: float = 1.0
+    """Log-likelihood that a well fitting point is worth against the odometry, > 0; 1 is a Gaussian of ``sigma_m``."""
     insertion_m: float = 0.25
     """A scan is added to the map when the robot has moved this far since the last one that was, > 0 ..."""
     insertion_rad: float = 0.2
@@ -187,7 +186,7 @@ def _turned_points(ends, theta, cell_m):  # type: ignore[no-untyped-def] # a ker
 def _match(fields, points, pose, sigmas, settings):  # type: ignore[no-untyped-def] # a kernel
     """Move a predicted pose, in place, to where the scan fits the field best, the odometry considered."""
     field, coarse, first_cell = fields
-    cell_m, _, search_sigmas, weight = settings
+    cell_m, sigma, search_sigmas, weight = settings
     usable = points[~np.isnan(points[:, 0])]
     if len(usable) < _MIN_POINTS:
         return
@@ -198,7 +197,7 @@ def _match(fields, points, pose, sigmas, settings):  # type: ignore[no-untyped-d
     window = (x, y, search_sigmas * sigmas[0] / cell_m, search_sigmas * sigmas[1], _STEP_CELLS / farther)
     scaled = (weight * len(usable) / len(thin), prior[1], prior[2])
     shift_x, shift_y, turn, _ = search_pose(field, coarse, thin, window, scaled)
-    shift_x, shift_y, turn, _ = refine_pose(field, usable, (x, y, shift_x, shift_y, turn), prior, _NUM_ITERATIONS)
+    shift_x, shift_y, turn = refine_pose(field, usable, (x, y, shift_x, shift_y, turn), prior, sigma)
     pose[0] += shift_x * cell_m
     pose[1] += shift_y * cell_m
     pose[2] += turn

@@ -8,7 +8,7 @@ import pytest
 
 from merger import se2
 from sim.maps.joint_alignment import JointAlignmentConfig
-from sim.maps.likelihood_field import BLOCK, draw_surfaces, search_pose
+from sim.maps.likelihood_field import BLOCK, draw_surfaces, refine_pose, search_pose
 from sim.maps.scan_matching import ScanMatchingConfig
 from sim.maps.scan_surfaces import find_surfaces
 from sim.maps.submap_poses import PoseEstimationConfig, estimate_poses, expect_odometry
@@ -94,6 +94,22 @@ def test_the_search_finds_what_looking_everywhere_finds():
     found = search_pose(field, coarse, points, window, prior)
     assert found[3] == pytest.approx(best, abs=1e-9)
     assert found[:2] == (-3.0, 5.0)
+
+
+@pytest.mark.parametrize("turn_deg", [-3.0, -1.0, 2.0])
+def test_walls_at_arms_length_outweigh_odometry_that_is_off_by_two_sigma(turn_deg):
+    """The slip of a robot that turns in a nook: a degree moves its short beams by a centimetre or less."""
+    angles = np.radians(np.arange(-90.0, 90.0))
+    ranges = np.minimum(9.0 / np.abs(np.cos(angles)), 12.0 / np.maximum(np.abs(np.sin(angles)), 1e-9))
+    ends = np.stack([ranges * np.cos(angles), ranges * np.sin(angles)], axis=-1)
+    field, coarse = np.zeros((16 * BLOCK, 16 * BLOCK), np.float32), np.zeros((16, 16), np.float32)
+    linked = np.arange(len(ends)) < len(ends) - 1
+    draw_surfaces(field, coarse, ends + 32.3, linked, 1.0)
+    turn = math.radians(turn_deg)
+    turned = ends @ np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
+    prior = (2.0, 1.0 / 0.4**2, 1.0 / math.radians(1.5) ** 2)
+    found = refine_pose(field, turned, (32.3, 32.3, 0.0, 0.0, 0.0), prior, 1.0)
+    assert math.degrees(found[2]) == pytest.approx(-turn_deg, abs=0.5)
 
 
 def test_the_field_is_the_nearness_of_the_nearest_surface():
