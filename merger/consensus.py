@@ -3,21 +3,20 @@
 Two groups of maps are joined by the motion that is most probable when all maps of the one are compared with all maps
 of the other, as one map with one map, against the best rival motion. A motion that looks right between two maps but
 contradicts their neighbours' free space dies here; a motion that two maps alone leave open is decided by the rest.
-Nothing is joined below a fixed probability, nor below a higher one if no cycle confirms the motion: what is left stays
-apart, with its reason.
+Nothing is joined below a fixed probability, to which a cycle adds: what is left stays apart, with its reason.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from merger import se2
 from merger.compositing import CompositingConfig, composite_maps
+from merger.cycles import CycleConfig, Relations, is_confirmed
 from merger.grid_map import GridMap
 from merger.hypotheses import HypothesesConfig, Hypothesis, is_same_motion, judge_motions
-from merger.map_group import Group, PairHypotheses, is_confirmed, voices_between
+from merger.map_group import Formation, Group, PairHypotheses, join_formations, voices_between
 from merger.wall_alignment import AlignmentConfig, align_walls
 from merger.wall_structure import WallStructure, WallStructureConfig, extract_structure
 
@@ -43,14 +42,14 @@ class ConsensusConfig:
     """How the walls of a map, and of a group, are described."""
     pairs: HypothesesConfig = field(default_factory=HypothesesConfig)
     """How the motions of two maps are found and judged."""
-    min_log_odds: float = 2.5
+    cycles: CycleConfig = field(default_factory=CycleConfig)
+    """What counts as a cycle."""
+    min_log_odds: float = 4.0
     """Groups are joined only by motions at least so probable."""
-    bridge_log_odds: float = 4.0
-    """The same for a motion that no cycle confirms; below ``min_log_odds`` no cycle is asked for."""
-    voice_log_odds: float = -2.0
-    """Motions of two maps at least so probable close cycles."""
+    cycle_log_odds: float = 3.0
+    """What a cycle adds to the log-odds of a motion, >= 0."""
     plausible_log_odds: float = -6.0
-    """Motions of two maps below it are not tried between groups, below ``min_log_odds``."""
+    """Motions of two maps below it are not tried between groups, below ``min_log_odds - cycle_log_odds``."""
     judge_groups: bool = True
     """Whether all maps of two groups judge their motion (off: the two maps that propose it alone; an ablation)."""
     num_tried: int = 4
@@ -62,8 +61,11 @@ class ConsensusConfig:
 
     def __post_init__(self) -> None:
         """Refuse values out of range."""
-        if not self.plausible_log_odds < self.min_log_odds:
-            raise ValueError(f"plausible_log_odds must be < {self.min_log_odds}, got {self.plausible_log_odds}")
+        if not self.cycle_log_odds >= 0.0:
+            raise ValueError(f"cycle_log_odds must be >= 0, got {self.cycle_log_odds}")
+        least = self.min_log_odds - self.cycle_log_odds
+        if not self.plausible_log_odds < least:
+            raise ValueError(f"plausible_log_odds must be < {least}, got {self.plausible_log_odds}")
         if self.num_tried < 1:
             raise ValueError(f"num_tried must be >= 1, got {self.num_tried}")
 
@@ -77,14 +79,14 @@ class Join:
     others: tuple[int, ...]
     """See ``members``."""
     log_odds: float
-    """Log-odds of the motion that joined them."""
+    """Log-odds of the motion that joined them, with what a cycle added."""
 
 
 @dataclass(frozen=True)
 class Agreement:
     """What the consensus came to."""
 
-    groups: tuple[Group, ...]
+    groups: tuple[Formation, ...]
     """Largest first, then by first member."""
     joins: tuple[Join, ...]
     """Its steps, in order."""
@@ -111,15 +113,17 @@ def grow_groups(
     Returns:
         The groups and how they came about.
     """
+    relations = Relations(structures, hypotheses, config.pairs)
     groups: dict[Key, Group] = {(i,): Group((i,), np.eye(3)[None], item) for i, item in enumerate(structures)}
     best: Judged = {((i,), (j,)): items for (i, j), items in hypotheses.items() if items}
-    joins = []
-    while (step := _next_step(groups, best, hypotheses, config)) is not None:
+    joins: list[Join] = []
+    while (step := _next_step(groups, best, relations, config)) is not None:
         a, b, motion = step
-        joined = _join(groups.pop(a), groups.pop(b), motion.T_target_source)
-        if groups:
-            joined = _describe(joined, maps, config.structure)
         joins.append(Join(a, b, motion.log_odds))
+        formation = join_formations(groups.pop(a), groups.pop(b), motion.T_target_source)
+        if not groups:
+            return Agreement((formation,), tuple(joins), ())
+        joined = _describe(formation, maps, config.structure)
         best = {key: value for key, value in best.items() if not {a, b} & set(key)}
         for other in sorted(groups):
             pair = (joined, groups[other]) if joined.members < other else (groups[other], joined)
@@ -134,30 +138,19 @@ def grow_groups(
 
 
 def _next_step(
-    groups: dict[Key, Group], best: Judged, hypotheses: PairHypotheses, config: ConsensusConfig
+    groups: dict[Key, Group], best: Judged, relations: Relations, config: ConsensusConfig
 ) -> tuple[Key, Key, Hypothesis] | None:
-    """The surest motion that may join two groups; None if there is none left."""
+    """The surest motion that may join two groups, with what a cycle adds to it; None if there is none left."""
     surest = sorted(((_surest(items), key) for key, items in best.items()), key=lambda m: (m[0].log_odds, m[1]))
     for motion, (a, b) in reversed(surest):
-        if motion.log_odds < config.min_log_odds:
+        if motion.log_odds < config.min_log_odds - config.cycle_log_odds:
             return None
-        if motion.log_odds >= config.bridge_log_odds:
+        if motion.log_odds >= config.min_log_odds:
             return a, b, motion
-        direct = voices_between(groups[a], groups[b], hypotheses, config.voice_log_odds)
-        detours = _detours(groups, a, b, hypotheses, config)
-        if is_confirmed(motion.T_target_source, direct, detours, groups[b].structure.center_map, config.pairs):
-            return a, b, motion
+        others = [groups[key] for key in sorted(groups.keys() - {a, b})]
+        if is_confirmed(motion.T_target_source, (groups[a], groups[b]), others, relations, config.cycles):
+            return a, b, replace(motion, log_odds=motion.log_odds + config.cycle_log_odds)
     return None
-
-
-def _detours(
-    groups: dict[Key, Group], a: Key, b: Key, hypotheses: PairHypotheses, config: ConsensusConfig
-) -> Iterator[Array]:
-    """Motions of one group into another that lead over a third one."""
-    for key in groups.keys() - {a, b}:
-        second = voices_between(groups[key], groups[b], hypotheses, config.voice_log_odds)
-        first = voices_between(groups[a], groups[key], hypotheses, config.voice_log_odds) if second else []
-        yield from (one.T_a_b @ other.T_a_b for one in first for other in second)
 
 
 def _surest(motions: Sequence[Hypothesis]) -> Hypothesis:
@@ -165,23 +158,14 @@ def _surest(motions: Sequence[Hypothesis]) -> Hypothesis:
     return max(motions, key=lambda motion: motion.log_odds)
 
 
-def _join(a: Group, b: Group, T_a_b: Array) -> Group:
-    """Put two groups into one, in the frame of its first member; its structure is still that of the first group."""
-    members = np.array(a.members + b.members)
-    T_a_map = np.concatenate([a.T_group_map, T_a_b @ b.T_group_map])
-    order = np.argsort(members)
-    T_group_map = se2.invert(T_a_map[order[0]]) @ T_a_map[order]
-    numbers = tuple(int(n) for n in members[order])
-    return Group(numbers, T_group_map, a.structure)
-
-
-def _describe(group: Group, maps: Sequence[GridMap], config: WallStructureConfig) -> Group:
-    """Give a group the structure of all its maps together."""
-    own = [maps[number] for number in group.members]
+def _describe(formation: Formation, maps: Sequence[GridMap], config: WallStructureConfig) -> Group:
+    """Give a formation the structure of all its maps together."""
+    own = [maps[number] for number in formation.members]
     finest = min(grid.resolution_m for grid in own)
     cell_m = max(finest, config.spacing_m)
-    merged = composite_maps(own, group.T_group_map, own[0].T_map_grid, cell_m, CompositingConfig())
-    return replace(group, structure=extract_structure(replace(merged, name=own[0].name), config))
+    merged = composite_maps(own, formation.T_group_map, own[0].T_map_grid, cell_m, CompositingConfig())
+    structure = extract_structure(replace(merged, name=own[0].name), config)
+    return Group(formation.members, formation.T_group_map, structure)
 
 
 def _try_motions(a: Group, b: Group, hypotheses: PairHypotheses, config: ConsensusConfig) -> tuple[Hypothesis, ...]:

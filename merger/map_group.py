@@ -1,6 +1,5 @@
 """Groups of maps that lie fixed to each other, and what the motions of their maps say about two groups."""
 
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -8,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from merger import se2
-from merger.hypotheses import HypothesesConfig, Hypothesis, is_same_motion
+from merger.hypotheses import Hypothesis
 from merger.wall_structure import WallStructure
 
 Array = npt.NDArray[np.float64]
@@ -18,13 +17,23 @@ PairHypotheses = dict[tuple[int, int], tuple[Hypothesis, ...]]
 
 
 @dataclass(frozen=True)
-class Group:
+class Formation:
     """Maps that lie fixed to each other."""
 
     members: tuple[int, ...]
     """Numbers of the maps, rising; the first one's frame is the group's."""
     T_group_map: Array
     """(M, 3, 3) their motions."""
+
+    def place_of(self, number: int) -> Array:
+        """(3, 3) motion of one of its maps."""
+        return np.asarray(self.T_group_map[self.members.index(number)])
+
+
+@dataclass(frozen=True)
+class Group(Formation):
+    """A formation that can be compared with others."""
+
     structure: WallStructure
     """Walls and free space of all members together, frame ``map`` of the first."""
 
@@ -54,20 +63,9 @@ def voices_between(a: Group, b: Group, hypotheses: PairHypotheses, min_log_odds:
     return voices
 
 
-def is_confirmed(
-    T_a_b: Array, direct: Sequence[Voice], detours: Iterable[Array], center_b: Array, config: HypothesesConfig
-) -> bool:
-    """Whether a cycle confirms a motion between two groups.
-
-    Args:
-        T_a_b: (3, 3) the motion.
-        direct: What pairs of maps of the two groups say.
-        detours: (3, 3) motions that lead over a third group; asked for only if need be.
-        center_b: (2,) middle of group b, metres, in its frame.
-        config: Says when motions are the same.
-
-    Returns:
-        True if two different pairs of maps, or one pair and a way over a third group, say the same.
-    """
-    pairs = {v.pair for v in direct if is_same_motion(v.T_a_b, T_a_b, center_b, config)}
-    return len(pairs) > 1 or any(is_same_motion(T, T_a_b, center_b, config) for T in detours)
+def join_formations(a: Formation, b: Formation, T_a_b: Array) -> Formation:
+    """Put two formations into one, in the frame of its first member."""
+    members = np.array(a.members + b.members)
+    T_a_map = np.concatenate([a.T_group_map, T_a_b @ b.T_group_map])
+    order = np.argsort(members)
+    return Formation(tuple(int(n) for n in members[order]), se2.invert(T_a_map[order[0]]) @ T_a_map[order])

@@ -26,6 +26,8 @@ _COARSE_SCALES = tuple(1.0 + 0.025 * k for k in range(-4, 5))
 """Scales of a source relative to its target: two maps that are each off by 5 % differ by 10 %."""
 _FINE_STEPS = (0.008, 0.003, 0.001)
 """Steps of the refinement of a scale, tried up and down."""
+_SURE_LOG_ODDS = 2.5
+"""Pairs at least so probable say something about scales; a median of many tells the few wrong ones apart."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,7 @@ def estimate_scales(maps: Sequence[GridMap], config: MergeConfig, progress: Prog
     rows = map_in_threads(work, sources, config.workers, "scales", progress)
     pairs = {(i, j): item for j, row in zip(sources, rows, strict=True) for i, item in enumerate(row)}
     root = next((k for k, grid in enumerate(maps) if grid.name == config.reference), 0)
-    return _average(pairs, len(maps), root, config.robust.consensus.min_log_odds)
+    return _average(pairs, len(maps), root, _SURE_LOG_ODDS)
 
 
 def scale_map(grid: GridMap, scale: float) -> GridMap:

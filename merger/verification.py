@@ -102,6 +102,26 @@ def measure_evidence(
     return Evidence(near, opposed, conflict, loose, tight, max(0.0, float(weak)), float(strong), free_m2)
 
 
+def find_agreeing_walls(
+    at: WallStructure, to: WallStructure, T_at_to: Array, config: VerificationConfig
+) -> npt.NDArray[np.intp]:
+    """Number the wall points of one map that agree with another: those of which `Evidence.near_m` is the length.
+
+    Args:
+        at: The map whose walls are asked for.
+        to: The other map.
+        T_at_to: (3, 3) motion of ``to`` into ``at``, frames ``map``, metres.
+        config: The settings.
+
+    Returns:
+        (N,) rising numbers.
+    """
+    if len(to.walls.points) == 0:
+        return np.zeros(0, dtype=np.intp)
+    T_to_at = se2.invert(field_motion(at, to, T_at_to))
+    return wall_kernels.find_agreeing(T_to_at, at.walls, to.walls, to.fields, config.near_m, config.facing)
+
+
 def _one_way(
     to: WallStructure, at: WallStructure, T_to_at: Array, config: VerificationConfig, num_points: int | None
 ) -> Array:

@@ -91,6 +91,15 @@ def compare_walls(  # noqa: PLR0917 # the limits of `VerificationConfig`, in its
     return np.array([length.sum(), opposed_m, conflict, loose, tight, xx + blunt, xy, yy + blunt])
 
 
+def find_agreeing(T: Array, walls: Walls, to: Walls, fields: Fields, near_m: float, facing: float) -> Numbers:  # noqa: PLR0917
+    """(N,) rising numbers of the walls that `compare_walls` counts as near; its arguments."""
+    x, y = move_points(T[None], walls.points)
+    cells = find_cells(x[0], y[0], fields)
+    near = np.flatnonzero(distances_of(fields, cells) <= near_m)
+    f, g = walls.facing[near], to.facing[fields.nearest.ravel()[cells[near]]]
+    return near[turned_product(T[0, 0], T[1, 0], f[:, 0], f[:, 1], g[:, 0], g[:, 1]) >= -facing]
+
+
 def score_walls(  # noqa: PLR0917 # the limits of `VerificationConfig`, in its order
     T: Array, walls: Walls, to: Walls, fields: Fields, near_m: float, far_m: float, facing: float
 ) -> tuple[Array, Array]:

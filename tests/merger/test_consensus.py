@@ -7,39 +7,95 @@ import pytest
 
 from merger import se2
 from merger.consensus import ConsensusConfig, grow_groups
+from merger.cycles import CycleConfig, Relations, is_confirmed
 from merger.hypotheses import HypothesesConfig, Hypothesis
-from merger.map_group import Voice, is_confirmed
+from merger.map_group import Formation, Group, join_formations
 from merger.merge_config import MergeConfig
 from merger.pair_answer import Findings, judge_pairs
 from merger.result import PairStatus
 from merger.robust_stages import describe_maps, refine_groups, search_all_pairs
-from merger.verification import Evidence
+from merger.verification import Evidence, VerificationConfig, find_agreeing_walls, measure_evidence
+from merger.wall_structure import WallStructureConfig, extract_structure
 
 CONFIG = MergeConfig()
 SPANS = ((0.0, 12.0), (4.0, 16.0), (8.0, 20.0))
-T = se2.make_motion(3.0, -1.0, 0.8)
-OTHER = se2.make_motion(5.0, -1.0, 0.8)
-CENTER = np.array([4.0, 2.0])
+HERE = np.eye(3)
 
 
-def voice(pair: tuple[int, int], motion: np.ndarray) -> Voice:
-    evidence = Evidence(10.0, 0.0, 0.0, 0.0, 8.0, 4.0, 6.0, 20.0)
-    return Voice(pair, motion, Hypothesis(motion, evidence, 10.0, 3.0, 0.0))
+def group_of(cut_map, number: int, span: tuple[float, float]) -> Group:
+    structure = extract_structure(cut_map(f"part_{number}", span, HERE, resolution_m=0.05), WallStructureConfig())
+    return Group((number,), HERE[None], structure)
+
+
+def join(groups: list[Group]) -> Group:
+    """Groups whose maps lie true, as one; its walls are those of the first."""
+    formation = groups[0]
+    for group in groups[1:]:
+        formation = join_formations(formation, group, HERE)
+    return Group(formation.members, formation.T_group_map, groups[0].structure)
+
+
+def says(T: np.ndarray, log_odds: float = 3.0) -> tuple[Hypothesis, ...]:
+    return (Hypothesis(T, Evidence(10.0, 0.0, 0.0, 0.0, 8.0, 4.0, 6.0, 20.0), 10.0, log_odds, 0.0),)
+
+
+@pytest.fixture(scope="module")
+def parts(cut_map):
+    """Two maps of the west, two of the middle, one of the east and one of all; all frames are the world's."""
+    spans = ((0.0, 9.0), (0.0, 9.0), (3.0, 16.0), (3.0, 16.0), (12.0, 24.0), (0.0, 24.0))
+    return [group_of(cut_map, number, span) for number, span in enumerate(spans)]
 
 
 @pytest.mark.parametrize(
-    ("direct", "detours", "confirmed"),
+    ("sides", "over", "known", "confirmed"),
     [
-        ([voice((0, 1), T)], [], False),
-        ([voice((0, 1), T), voice((0, 1), T)], [], False),
-        ([voice((0, 1), T), voice((0, 2), OTHER)], [OTHER], False),
-        ([voice((0, 1), T), voice((0, 2), T)], [], True),
-        ([voice((0, 1), T)], [OTHER, T], True),
+        (([0], [2]), [], {(0, 2): says(HERE)}, False),
+        (([0], [2]), [], {(0, 2): (*says(HERE), *says(HERE))}, False),
+        (([0], [2, 3]), [], {(0, 2): says(HERE), (0, 3): says(HERE)}, False),
+        (([0, 4], [2]), [], {(0, 2): says(HERE), (2, 4): says(HERE)}, True),
+        (([0, 4], [2]), [], {(0, 2): says(HERE), (2, 4): says(se2.make_motion(2.0, 0.0, 0.0))}, False),
+        (([0, 4], [2]), [], {(0, 2): says(HERE), (2, 4): says(HERE, -1.0)}, False),
+        (([0], [1]), [2], {(0, 1): says(HERE), (0, 2): says(HERE), (1, 2): says(HERE)}, False),
+        (([2], [4]), [5], {(2, 4): says(HERE), (2, 5): says(HERE), (4, 5): says(HERE)}, True),
+        (([2], [4]), [5], {(2, 4): says(HERE), (2, 5): says(HERE), (4, 5): says(se2.make_motion(2.0, 0, 0))}, False),
     ],
-    ids=["alone", "one pair twice", "others disagree", "two pairs", "a way round"],
+    ids=[
+        "alone",
+        "one pair twice",
+        "two pairs that see the same walls",
+        "two pairs that see different walls",
+        "the other pair disagrees",
+        "the other pair is doubtful",
+        "a way over the same walls",
+        "a way over other walls",
+        "a way to another place",
+    ],
 )
-def test_a_second_pair_or_a_way_round_confirms_a_motion(direct, detours, confirmed):
-    assert is_confirmed(T, direct, detours, CENTER, HypothesesConfig()) is confirmed
+def test_a_cycle_confirms_if_each_way_rests_on_walls_of_its_own(parts, sides, over, known, confirmed):
+    relations = Relations([part.structure for part in parts], known, HypothesesConfig())
+    first, second = (join([parts[k] for k in side]) for side in sides)
+    assert is_confirmed(HERE, (first, second), [parts[k] for k in over], relations, CycleConfig()) is confirmed
+
+
+def test_the_agreeing_walls_are_those_that_the_evidence_measures(parts):
+    west, middle = parts[0].structure, parts[2].structure
+    T = se2.make_motion(0.1, 0.0, 0.01)
+    config = VerificationConfig()
+    lengths = [
+        one.walls.lengths_m[find_agreeing_walls(one, other, motion, config)].sum()
+        for one, other, motion in ((west, middle, T), (middle, west, se2.invert(T)))
+    ]
+    assert np.mean(lengths) == pytest.approx(measure_evidence(west, middle, T, config).near_m)
+
+
+def test_formations_joined_in_either_order_are_the_same():
+    rng = np.random.default_rng(3)
+    T = se2.exp(rng.normal(size=(5, 3)))
+    a = Formation((0, 3), se2.invert(T[0]) @ T[[0, 3]])
+    b = Formation((1, 2, 4), se2.invert(T[1]) @ T[[1, 2, 4]])
+    for joined in (join_formations(a, b, se2.invert(T[0]) @ T[1]), join_formations(b, a, se2.invert(T[1]) @ T[0])):
+        assert joined.members == (0, 1, 2, 3, 4)
+        assert joined.T_group_map == pytest.approx(se2.invert(T[0]) @ T)
 
 
 @pytest.fixture(scope="module")
@@ -61,16 +117,21 @@ def grow(found, hypotheses, **settings):
 def test_a_bridge_that_no_cycle_confirms_needs_the_higher_log_odds(found):
     alone = {pair: motions if pair == (0, 1) else () for pair, motions in found[2].items()}
     log_odds = max(motion.log_odds for motion in alone[(0, 1)])
-    joined = grow(found, alone, bridge_log_odds=log_odds - 0.01, min_log_odds=log_odds - 1.0)
-    apart = grow(found, alone, bridge_log_odds=log_odds + 0.01, min_log_odds=log_odds - 1.0)
+    joined = grow(found, alone, min_log_odds=log_odds - 0.01, cycle_log_odds=1.0)
+    apart = grow(found, alone, min_log_odds=log_odds + 0.01, cycle_log_odds=1.0)
     assert [group.members for group in joined.groups] == [(0, 1), (2,)]
     assert [group.members for group in apart.groups] == [(0,), (1,), (2,)]
 
 
-def test_a_cycle_lets_a_weaker_motion_join(found):
+def test_a_cycle_lets_a_weaker_motion_join_and_makes_it_surer(found):
     surest = max(motion.log_odds for motions in found[2].values() for motion in motions)
-    agreement = grow(found, found[2], bridge_log_odds=surest + 1.0, min_log_odds=0.0)
+    agreement = grow(found, found[2], min_log_odds=surest + 1.0, cycle_log_odds=surest + 1.0)
     assert [group.members for group in agreement.groups] == [(0, 1, 2)]
+    first = agreement.joins[0]
+    alone = max(motion.log_odds for motion in found[2][first.members + first.others])
+    assert first.log_odds == pytest.approx(alone + surest + 1.0)
+    unheard = grow(found, found[2], min_log_odds=surest + 1.0, cycle_log_odds=0.0)
+    assert [group.members for group in unheard.groups] == [(0,), (1,), (2,)]
 
 
 def test_the_groups_that_are_judged_are_told(found):
