@@ -12,13 +12,15 @@ from sim.buildings.free_space import measure_free_space
 from sim.buildings.world import World
 from sim.buildings.world_check import check_reach
 from sim.robot_run import LidarSpec, RobotRun, Trajectory
-from sim.robots.coverage import CoverageConfig, choose_starts, plan_tours, spread_places
+from sim.robots.coverage import CoverageConfig
+from sim.robots.crowd import Crowd
 from sim.robots.driver import Driver
-from sim.robots.errands import Errands, route_errands, tour_errands
-from sim.robots.people import MovingDiscs, PeopleConfig, Walker, leg_radii
+from sim.robots.errands import Errands
+from sim.robots.people import MovingDiscs, PeopleConfig, leg_radii
 from sim.robots.robot import Robot, RobotConfig, make_space
 from sim.robots.routing import Router
 from sim.robots.stepping import Clock, Recording, run_space
+from sim.robots.work import place_robots, share_work
 from sim.sensors.lidar import Scene, make_scene, scan_run
 from sim.sensors.lidar_noise import NoiseConfig
 from sim.sensors.odometry import OdometryConfig, integrate_odometry
@@ -29,6 +31,8 @@ Array = npt.NDArray[np.float64]
 
 _MARGIN_M = 0.04
 """Planned ways keep this distance between a robot's body and walls."""
+_FLOOR_OF_A_PERSON_M2 = 2.0
+"""Where more people stand, robots hardly move."""
 _FAR_AWAY_M = 1e6
 """Where a robot is that has left the building."""
 _KEPT_BYTES = 256 * 2**20
@@ -110,16 +114,15 @@ def drive(
     if not (0.0 < scan_period_s < math.inf):
         raise ValueError(f"scan_period_s must be > 0, got {scan_period_s}")
     router = _make_router(world, config.robot.radius_m)
-    starts, errands = _work(world, router, config, [make_stream(seed, Purpose.DRIVE, k) for k in range(num_robots)])
+    rngs = [make_stream(seed, Purpose.DRIVE, k) for k in range(num_robots)]
+    starts = place_robots(world, router, num_robots, config.robot.radius_m)
+    errands = share_work(world, router, starts, config.coverage, rngs, endless=config.duration_s is not None)
+    crowd = _make_crowd(world, router, config.people, starts, seed)
     space = make_space(world.segments)
     drivers = _make_drivers(space, config.robot, router, starts, errands)
-    walkers = [
-        Walker(router, config.people, starts[:, :2], make_stream(seed, Purpose.PEOPLE, k))
-        for k in range(config.people.num_people)
-    ]
     duration_s = config.max_duration_s if config.duration_s is None else config.duration_s
     clock = Clock(scan_period_s, min(duration_s, config.max_duration_s))
-    recording = run_space(space, drivers, walkers, router, clock)
+    recording = run_space(space, drivers, crowd, router, clock)
     trajectories = _trajectories(recording, clock, config.odometry, seed if noise_seed is None else noise_seed)
     return Simulation(trajectories, _moving(recording, clock, config.robot.radius_m))
 
@@ -181,22 +184,16 @@ def _make_router(world: World, radius_m: float) -> Router:
     return Router(space, space.reachable(world.starts[0], radius_m + _MARGIN_M), radius_m + _MARGIN_M)
 
 
-def _work(
-    world: World, router: Router, config: DriveConfig, rngs: list[np.random.Generator]
-) -> tuple[Array, list[Errands]]:
-    """Where each robot starts, (K, 3), and what it visits: the world's waypoints, or a tour of its own."""
-    num_robots, endless = len(rngs), config.duration_s is not None
-    starts = choose_starts(router, world.starts, num_robots)
-    for a in range(num_robots):
-        for b in range(a):
-            if np.hypot(*(starts[a] - starts[b])[:2]) < 2.2 * config.robot.radius_m:
-                raise ValueError(f"world '{world.name}': robots {b} and {a} of {num_robots} would start in one place")
-    if world.waypoints:
-        routes = [world.waypoints[k % len(world.waypoints)] for k in range(num_robots)]
-        return starts, [route_errands(_route_nodes(world, router, route), endless) for route in routes]
-    roadmap = spread_places(router, world.rooms, starts, config.coverage.spacing_m)
-    tours = plan_tours(roadmap, num_robots, config.coverage, rngs[0])
-    return starts, [tour_errands(roadmap, k, tour, rngs[k] if endless else None) for k, tour in enumerate(tours)]
+def _make_crowd(world: World, router: Router, config: PeopleConfig, starts: Array, seed: int) -> Crowd | None:
+    """The people of a building, if there are any; refuses more than have room beside the robots."""
+    most = int(router.floor_m2 / _FLOOR_OF_A_PERSON_M2)
+    if config.num_people > most:
+        raise ValueError(
+            f"num_people must be at most {most} in world '{world.name}' ({_FLOOR_OF_A_PERSON_M2:g} m² of the floor "
+            f"that robots reach for each), got {config.num_people}"
+        )
+    rngs = [make_stream(seed, Purpose.PEOPLE, k) for k in range(config.num_people)]
+    return Crowd(router, config, starts[:, :2], rngs) if rngs else None
 
 
 def _make_drivers(
@@ -207,15 +204,6 @@ def _make_drivers(
         Driver(Robot(space, start, robot), router, router.node_at(start[:2]), errand)
         for start, errand in zip(starts, errands, strict=True)
     ]
-
-
-def _route_nodes(world: World, router: Router, route: Array) -> list[int]:
-    """The nodes of a world's (M, 2) waypoints; refuses one that robots cannot reach."""
-    rows, cols = router.space.cells_of(route).T
-    for (x, y), reachable in zip(route, router.passable[rows, cols], strict=True):
-        if not reachable:
-            raise ValueError(f"world '{world.name}': the waypoint ({x:g}, {y:g}) cannot be reached by the robots")
-    return [router.node_at(point) for point in route]
 
 
 def _trajectories(
@@ -234,12 +222,12 @@ def _trajectories(
 def _moving(recording: Recording, clock: Clock, radius_m: float) -> MovingDiscs:
     """Robots and legs at every step."""
     num_steps, num_robots = max(len(poses) for poses in recording.poses), len(recording.poses)
-    positions = np.full((num_steps, num_robots, 2), _FAR_AWAY_M)
+    num_legs = len(recording.legs_m[0]) if recording.legs_m else 0
+    positions = np.full((num_steps, num_robots + num_legs, 2), _FAR_AWAY_M)
     for k, poses in enumerate(recording.poses):
         positions[: len(poses), k] = np.array(poses)[:, :2]
     if recording.legs_m:
-        positions = np.concatenate([positions, np.array(recording.legs_m)[:num_steps]], axis=1)
-    num_legs = positions.shape[1] - num_robots
+        np.stack(recording.legs_m[:num_steps], out=positions[:, num_robots:])
     radii = np.concatenate([np.full(num_robots, radius_m), leg_radii(num_legs // 2)])
     robots = np.concatenate([np.arange(num_robots), np.full(num_legs, -1)])
     stamps_s = np.arange(num_steps, dtype=np.float64) * clock.step_s

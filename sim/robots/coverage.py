@@ -16,6 +16,9 @@ from sim.robots.tour import shorten_tour
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
+_FEWEST_PLACES = 3
+"""Places of every robot's part, its start perhaps among them: nobody stands idle."""
+
 
 @dataclass(frozen=True)
 class CoverageConfig:
@@ -120,7 +123,7 @@ def _distances(router: Router, nodes: Indices) -> Array:
 
 
 def _cut(distance: Array, tour: Indices, num_parts: int, shared: float) -> list[Indices]:
-    """Cut a round tour into parts of equal length, each lengthened into the next one."""
+    """Cut a round tour into parts of equal length, each lengthened into the next one, and the shortest still more."""
     if num_parts == 1:
         return [tour]
     legs = distance[tour, np.roll(tour, -1)]
@@ -128,9 +131,10 @@ def _cut(distance: Array, tour: Indices, num_parts: int, shared: float) -> list[
     part = np.minimum((np.concatenate([[0.0], ends[:-1]]) * num_parts).astype(np.int64), num_parts - 1)
     parts = []
     for k in range(num_parts):
-        own, following = tour[part == k], tour[part == (k + 1) % num_parts]
-        parts.append(np.concatenate([own, following[: round(shared * len(following))]]))
-    return [p if len(p) else tour for p in parts]
+        num_own, num_following = np.count_nonzero(part == k), np.count_nonzero(part == (k + 1) % num_parts)
+        length = max(num_own + round(shared * num_following), _FEWEST_PLACES)
+        parts.append(np.roll(tour, -int(np.searchsorted(part, k)))[:length])
+    return parts
 
 
 def _passes(distance: Array, start: int, part: Indices, passes: int, rng: np.random.Generator) -> Indices:
@@ -139,22 +143,7 @@ def _passes(distance: Array, start: int, part: Indices, passes: int, rng: np.ran
     for k in range(passes):
         distort = rng.uniform(0.7, 1.3, distance.shape) if k else np.ones(distance.shape)
         here = start if k == 0 else int(visits[-1][-1])
-        order = np.concatenate([[here], part[part != here]])
+        others = part[part != here]
+        order = np.concatenate([[here], others if len(others) else [start]])
         visits.append(shorten_tour(distance * np.sqrt(distort * distort.T), order)[1:])
     return np.concatenate(visits)
-
-
-def choose_starts(router: Router, given: Array, num_robots: int) -> Array:
-    """Where robots start: the given (K, 3) poses, and then always the open place farthest from all others.
-
-    Returns:
-        (num_robots, 3) x_m, y_m, theta_rad.
-    """
-    starts = [np.asarray(pose, dtype=np.float64) for pose in given[:num_robots]]
-    clearance = router.space.clearance_m.ravel()
-    open_floor = router.passable.ravel() & (clearance >= min(0.6, float(clearance[router.passable.ravel()].max())))
-    while len(starts) < num_robots:
-        cost, _ = search_nearest(router.graph, np.array([router.node_at(s[:2]) for s in starts]))
-        farthest = int(np.argmax(np.where(open_floor & np.isfinite(cost), cost, -1.0)))
-        starts.append(np.array([*router.point_of(np.array([farthest]))[0], 0.0]))
-    return np.array(starts)

@@ -30,11 +30,11 @@ def tour_errands(roadmap: Roadmap, start: int, tour: npt.NDArray[np.int64], rng:
         tour: (M,) places in the order of the visits, M >= 1.
         rng: Makes the orders differ.
     """
-    here = start
+    here, home = start, np.append(start, tour)
     while True:
         for place in tour:
             yield int(roadmap.nodes[place]), float(roadmap.distance_m[here, place]) * 1.001 + 0.1
             here = int(place)
         if rng is None:
             return
-        tour = more_visits(roadmap, tour, rng)
+        tour = more_visits(roadmap, tour if len(set(tour)) > 1 else np.append(home, here), rng)

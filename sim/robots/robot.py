@@ -64,12 +64,14 @@ class Robot:
         self._shape.friction = 0.2
         space.add(self.body, self._shape)
         self.speed_mps, self.turn_radps = 0.0, 0.0
+        self.pose = (0.0, 0.0, 0.0)
+        """x_m, y_m, theta_rad (not wrapped) after the last step."""
+        self.sense()
 
-    @property
-    def pose(self) -> tuple[float, float, float]:
-        """x_m, y_m, theta_rad (not wrapped)."""
+    def sense(self) -> None:
+        """Take note of where the space's last step has put the body."""
         x, y = self.body.position
-        return x, y, self.body.angle
+        self.pose = x, y, self.body.angle
 
     def drive(self, speed_mps: float, turn_radps: float, step_s: float) -> None:
         """Ask the wheels for a speed; they approach it as fast as they can, and push the body for the next step.
@@ -82,7 +84,7 @@ class Robot:
         most = limits.turn_acceleration_radps2 * step_s
         self.turn_radps += min(max(turn_radps - self.turn_radps, -most), most)
         body = self.body
-        angle = body.angle
+        angle = self.pose[2]
         vx, vy = body.velocity
         push = _MASS_KG / step_s
         body.force = (

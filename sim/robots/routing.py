@@ -37,6 +37,11 @@ class Router:
         self.cost = space.resolution_m * (1.0 + _DETOUR * (1.0 - spare) ** 2)
         self.graph = grid_graph(passable, self.cost)
 
+    @property
+    def floor_m2(self) -> float:
+        """Area of the floor that a disc's centre may enter."""
+        return float(np.count_nonzero(self.passable)) * self.space.resolution_m**2
+
     def clearance_at(self, x_m: float, y_m: float) -> float:
         """Distance in metres to the nearest surface."""
         space = self.space

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 import pymunk
 
+from sim.robots.crowd import Crowd
 from sim.robots.driver import Driver, Mode
-from sim.robots.people import Walker
 from sim.robots.routing import Router
 from sim.robots.traffic import direct_traffic
 
@@ -55,40 +55,41 @@ class Recording:
 
 
 def run_space(
-    space: pymunk.Space, drivers: Sequence[Driver], walkers: Sequence[Walker], router: Router, clock: Clock
+    space: pymunk.Space, drivers: Sequence[Driver], crowd: Crowd | None, router: Router, clock: Clock
 ) -> Recording:
     """Run until every robot has done its errands, or time is up.
 
     A robot that is done leaves the building at its next scan.
     """
     recording = Recording(tuple([] for _ in drivers))
-    traffic_steps = max(1, round(_TRAFFIC_PERIOD_S / clock.step_s))
+    step_s, steps_per_scan = clock.step_s, clock.steps_per_scan
+    traffic_steps = max(1, round(_TRAFFIC_PERIOD_S / step_s))
     for k in range(clock.num_steps + 1):
-        _record(recording, drivers, walkers)
-        if k % clock.steps_per_scan == 0:
+        _record(recording, drivers, crowd)
+        if k % steps_per_scan == 0:
             _let_leave(space, drivers)
         present = [driver for driver in drivers if driver.mode is not Mode.GONE]
         if not present:
             break
-        if k % traffic_steps == 0 and (len(drivers) > 1 or walkers):
-            people = np.array([walker.position for walker in walkers]).reshape(-1, 2)
-            direct_traffic(present, people, router, traffic_steps * clock.step_s)
+        if k % traffic_steps == 0 and (len(drivers) > 1 or crowd):
+            people = crowd.positions if crowd else np.zeros((0, 2))
+            direct_traffic(present, people, router, traffic_steps * step_s)
         for driver in present:
-            driver.step(clock.step_s, k * clock.step_s)
-        if walkers:
-            robots = np.array([driver.robot.pose[:2] for driver in present])
-            for walker in walkers:
-                walker.walk(robots, clock.step_s)
-        space.step(clock.step_s)
+            driver.step(step_s, k * step_s)
+        if crowd:
+            crowd.walk(np.array([driver.position for driver in present]), step_s)
+        space.step(step_s)
+        for driver in present:
+            driver.robot.sense()
     return recording
 
 
-def _record(recording: Recording, drivers: Sequence[Driver], walkers: Sequence[Walker]) -> None:
+def _record(recording: Recording, drivers: Sequence[Driver], crowd: Crowd | None) -> None:
     for poses, driver in zip(recording.poses, drivers, strict=True):
         if driver.mode is not Mode.GONE:
             poses.append(driver.robot.pose)
-    if walkers:
-        recording.legs_m.append(np.concatenate([walker.legs() for walker in walkers]))
+    if crowd:
+        recording.legs_m.append(crowd.legs())
 
 
 def _let_leave(space: pymunk.Space, drivers: Sequence[Driver]) -> None:

@@ -36,9 +36,10 @@ def direct_traffic(drivers: Sequence[Driver], people: Array, router: Router, ela
         router: To find a place out of the way.
         elapsed_s: Time since this was last decided.
     """
-    blocks = [[other for other in drivers if other is not driver and _blocks(driver, other)] for driver in drivers]
+    blocks = _blockers(drivers)
     for driver, blockers in zip(drivers, blocks, strict=True):
-        by_people = _meets(driver.path_ahead(_PEOPLE_AHEAD_M), people, driver.robot.config.radius_m + _PERSON_M)
+        reach_m = driver.robot.config.radius_m + _PERSON_M
+        by_people = len(people) > 0 and bool(_met(driver.path_ahead(_PEOPLE_AHEAD_M), people, reach_m).any())
         driver.hold = by_people or (driver.mode is Mode.TOURING and bool(blockers))
         driver.waited_s = driver.waited_s + elapsed_s if driver.hold or driver.mode is Mode.MAKING_WAY else 0.0
         if driver.mode is Mode.TOURING and not driver.hold:
@@ -55,15 +56,21 @@ def direct_traffic(drivers: Sequence[Driver], people: Array, router: Router, ela
             _find_other_way(driver, blocks[k], people, router)
 
 
-def _blocks(driver: Driver, other: Driver) -> bool:
-    reach = driver.robot.config.radius_m + other.robot.config.radius_m + _MARGIN_M
-    return _meets(driver.path_ahead(_LOOK_AHEAD_M), other.position[None], reach)
+def _blockers(drivers: Sequence[Driver]) -> list[list[Driver]]:
+    """The robots that stand in each robot's way."""
+    places = np.array([driver.position for driver in drivers])
+    radii_m = np.array([driver.robot.config.radius_m for driver in drivers])
+    blockers = []
+    for driver in drivers:
+        met = _met(driver.path_ahead(_LOOK_AHEAD_M), places, driver.robot.config.radius_m + radii_m + _MARGIN_M)
+        blockers.append([drivers[k] for k in np.flatnonzero(met).tolist() if drivers[k] is not driver])
+    return blockers
 
 
-def _meets(way: Array, points: Array, distance_m: float) -> bool:
-    """Whether a way comes close to one of (P, 2) points, and closer to it than where it begins."""
-    away = np.hypot(*np.moveaxis(way[:, None] - points[None], -1, 0))
-    return bool((away < np.minimum(distance_m, away[0] - _APPROACH_M)).any())
+def _met(way: Array, points: Array, distance_m: Array | float) -> npt.NDArray[np.bool_]:
+    """(P,) to which of (P, 2) points a way comes close, and closer than where it begins."""
+    away = np.hypot(way[:, 0, None] - points[:, 0], way[:, 1, None] - points[:, 1])
+    return np.asarray((away < np.minimum(distance_m, away[0] - _APPROACH_M)).any(axis=0))
 
 
 def _near(way: Array, points: Array, distance_m: float) -> bool:

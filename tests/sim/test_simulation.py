@@ -89,7 +89,7 @@ def test_a_robot_that_made_way_goes_on_when_the_last_other_one_has_left() -> Non
         for x in (2.0, 4.0)
     )
     second.make_way(second.position[None])
-    run_space(bodies, [first, second], [], router, Clock(0.2, 30.0))
+    run_space(bodies, [first, second], None, router, Clock(0.2, 30.0))
     assert second.mode is Mode.GONE
 
 
