@@ -50,9 +50,11 @@ class Samples:
     overlap: Array
     """(S,) true overlap of the pair in the better direction; NaN for groups."""
     step_log_odds: Array
-    """(J,) log-odds of the steps, as the current coefficients give them."""
+    """(J,) log-odds of the motions that were steps, as the current coefficients give them."""
     step_right: npt.NDArray[np.bool_]
     """(J,) whether they were right; steps after a wrong one of the same group are left out."""
+    step_building: npt.NDArray[np.int64]
+    """(J,) number of the building."""
 
 
 @dataclass
@@ -60,7 +62,7 @@ class _Rows:
     """Samples as they come."""
 
     motions: list[tuple[Array, bool, int, int, float]]
-    steps: list[tuple[float, bool]]
+    steps: list[tuple[float, bool, int]]
     num_pairs: int = 0
 
 
@@ -89,9 +91,9 @@ def collect_samples(datasets: Sequence[Path]) -> tuple[Samples, list[str]]:
             maps = [replace(grid, name=f"{k:02d}") for k, grid in enumerate(chosen)]
             _add_strangers(rows, maps, len(one.maps[:_STRANGERS]), names.index(_building(one)))
     features, right, building, pair, overlaps = zip(*rows.motions, strict=True)
-    steps = np.array(rows.steps, dtype=np.float64).reshape(-1, 2)
+    steps = np.array(rows.steps, dtype=np.float64).reshape(-1, 3)
     columns = (np.array(features), np.array(right), np.array(building), np.array(pair), np.array(overlaps))
-    return Samples(*columns, steps[:, 0], steps[:, 1].astype(np.bool_)), names
+    return Samples(*columns, steps[:, 0], steps[:, 1].astype(np.bool_), steps[:, 2].astype(np.int64)), names
 
 
 def _building(dataset: Dataset) -> str:
@@ -124,7 +126,9 @@ def _add(rows: _Rows, maps: Sequence[GridMap], T_world_map: Array, overlap: Arra
 
     agreement = grow_groups(maps, structures, hypotheses, _open_consensus(), watch)
     rows.steps += [
-        (step.log_odds, right) for step in agreement.joins if (right := _judge_step(step, agreement, T)) is not None
+        (step.motion_log_odds, right, building)
+        for step in agreement.joins
+        if (right := _judge_step(step, agreement, T)) is not None
     ]
 
 
@@ -139,7 +143,7 @@ def _add_strangers(rows: _Rows, maps: Sequence[GridMap], num_first: int, buildin
             rows.num_pairs += 1
     joins = grow_groups(maps, [item.structure for item in described], hypotheses, _open_consensus()).joins
     sides = [({k < num_first for k in step.members}, {k < num_first for k in step.others}, step) for step in joins]
-    rows.steps += [(step.log_odds, False) for a, b, step in sides if len(a) == len(b) == 1 and a != b]
+    rows.steps += [(step.motion_log_odds, False, building) for a, b, step in sides if len(a) == len(b) == 1 and a != b]
 
 
 def _open_consensus() -> ConsensusConfig:

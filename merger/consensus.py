@@ -17,6 +17,7 @@ from merger.cycles import CycleConfig, Relations, is_confirmed
 from merger.grid_map import GridMap
 from merger.hypotheses import HypothesesConfig, Hypothesis, is_same_motion, judge_motions
 from merger.map_group import Formation, Group, PairHypotheses, join_formations, voices_between
+from merger.pair_probability import StepProbabilityConfig, log_odds_of_step
 from merger.wall_alignment import AlignmentConfig, align_walls
 from merger.wall_structure import WallStructure, WallStructureConfig, extract_structure
 
@@ -47,7 +48,9 @@ class ConsensusConfig:
     min_log_odds: float = 4.0
     """Groups are joined only by motions at least so probable."""
     cycle_log_odds: float = 3.0
-    """What a cycle adds to the log-odds of a motion, >= 0."""
+    """A motion that a cycle confirms may have log-odds lower by this, >= 0."""
+    step: StepProbabilityConfig = field(default_factory=StepProbabilityConfig)
+    """How sure a step is."""
     plausible_log_odds: float = -6.0
     """Motions of two maps below it are not tried between groups, below ``min_log_odds - cycle_log_odds``."""
     judge_groups: bool = True
@@ -78,8 +81,10 @@ class Join:
     """The maps that were joined to ``others``."""
     others: tuple[int, ...]
     """See ``members``."""
+    motion_log_odds: float
+    """Log-odds of the motion that joined them."""
     log_odds: float
-    """Log-odds of the motion that joined them, with what a cycle added."""
+    """Log-odds that the step is right."""
 
 
 @dataclass(frozen=True)
@@ -118,8 +123,8 @@ def grow_groups(
     best: Judged = {((i,), (j,)): items for (i, j), items in hypotheses.items() if items}
     joins: list[Join] = []
     while (step := _next_step(groups, best, relations, config)) is not None:
-        a, b, motion = step
-        joins.append(Join(a, b, motion.log_odds))
+        a, b, motion, confirmed = step
+        joins.append(Join(a, b, motion.log_odds, log_odds_of_step(motion.log_odds, confirmed, config.step)))
         formation = join_formations(groups.pop(a), groups.pop(b), motion.T_target_source)
         if not groups:
             return Agreement((formation,), tuple(joins), ())
@@ -139,17 +144,17 @@ def grow_groups(
 
 def _next_step(
     groups: dict[Key, Group], best: Judged, relations: Relations, config: ConsensusConfig
-) -> tuple[Key, Key, Hypothesis] | None:
-    """The surest motion that may join two groups, with what a cycle adds to it; None if there is none left."""
+) -> tuple[Key, Key, Hypothesis, bool] | None:
+    """The surest motion that may join two groups, and whether it needed a cycle; None if there is none left."""
     surest = sorted(((_surest(items), key) for key, items in best.items()), key=lambda m: (m[0].log_odds, m[1]))
     for motion, (a, b) in reversed(surest):
         if motion.log_odds < config.min_log_odds - config.cycle_log_odds:
             return None
         if motion.log_odds >= config.min_log_odds:
-            return a, b, motion
+            return a, b, motion, False
         others = [groups[key] for key in sorted(groups.keys() - {a, b})]
         if is_confirmed(motion.T_target_source, (groups[a], groups[b]), others, relations, config.cycles):
-            return a, b, replace(motion, log_odds=motion.log_odds + config.cycle_log_odds)
+            return a, b, motion, True
     return None
 
 

@@ -43,6 +43,22 @@ class ProbabilityConfig:
             raise ValueError(f"conflict_weight must be >= 0, got {self.conflict_weight}")
 
 
+@dataclass(frozen=True)
+class StepProbabilityConfig:
+    """The logistic model of a step of the consensus, the surest motion between any two groups that are left.
+
+    Among the motions of all pairs, of which most are wrong, one of log-odds 1 to 2 is right in 95 of 100 cases; as a
+    step of the consensus it is right in 99.
+    """
+
+    constant: float = 0.6
+    """Log-odds of a step whose motion has log-odds of 0."""
+    slope: float = 1.6
+    """What the motion's log-odds add, times themselves."""
+    cycle: float = 3.1
+    """What a cycle adds."""
+
+
 def score_motion(evidence: Evidence, config: ProbabilityConfig) -> float:
     """Metres of agreeing wall less the weighted metres of contradiction: ranks the motions of one pair."""
     return evidence.near_m - config.conflict_weight * evidence.conflict_m
@@ -73,6 +89,11 @@ def log_odds_of(evidence: Evidence, rival_score_m: float, config: ProbabilityCon
     """Log-odds that a motion is right (see `features_of`)."""
     features = features_of(evidence, score_motion(evidence, config), rival_score_m)
     return float(features @ np.array(config.coefficients))
+
+
+def log_odds_of_step(motion_log_odds: float, is_confirmed: bool, config: StepProbabilityConfig) -> float:
+    """Log-odds that a step of the consensus is right, by its motion's and by whether a cycle confirms it."""
+    return config.constant + config.slope * motion_log_odds + config.cycle * is_confirmed
 
 
 def probability(log_odds: float) -> float:

@@ -5,7 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.pair_calibration import describe_fit, describe_recall, fit_coefficients, hold_out, main
+from bench.pair_calibration import (
+    describe_fit,
+    describe_recall,
+    fit_coefficients,
+    fit_steps,
+    hold_out,
+    hold_out_steps,
+    main,
+)
 from bench.pair_samples import Samples, collect_samples
 from merger.pair_probability import FEATURES, ProbabilityConfig
 
@@ -31,7 +39,8 @@ def test_a_feature_of_the_wrong_sign_gets_no_weight():
 def samples_of(features: np.ndarray, right: np.ndarray) -> Samples:
     number = np.arange(len(right))
     overlap = np.where(right, 0.25, 0.0)
-    return Samples(features, right, number % 2, number, overlap, np.array([3.0, 6.0, -0.5]), np.array([1, 1, 0]) > 0)
+    steps = np.array([3.0, 6.0, -0.5]), np.array([1, 1, 0]) > 0, np.array([0, 1, 0])
+    return Samples(features, right, number % 2, number, overlap, *steps)
 
 
 def test_the_text_names_every_feature_and_building():
@@ -47,6 +56,17 @@ def test_the_fit_is_calibrated_on_a_building_that_it_has_not_seen():
     for low in (-1.0, 0.5, 2.0):
         inside = (held >= low) & (held < low + 1.0)
         assert right[inside].mean() == pytest.approx((1.0 / (1.0 + np.exp(-held[inside]))).mean(), abs=0.05)
+
+
+def test_the_fit_of_steps_finds_the_model_that_made_them_on_buildings_that_it_has_not_seen():
+    rng = np.random.default_rng(4)
+    motion_log_odds = rng.uniform(-3.0, 4.0, 20_000)
+    log_odds = 0.6 + 1.6 * motion_log_odds
+    right = rng.random(20_000) < 1.0 / (1.0 + np.exp(-log_odds))
+    assert fit_steps(motion_log_odds, right) == pytest.approx([0.6, 1.6], abs=0.1)
+    samples = samples_of(np.zeros((2, 6)), np.array([True, False]))
+    samples = replace(samples, step_log_odds=motion_log_odds, step_right=right, step_building=np.arange(20_000) % 3)
+    assert np.abs(hold_out_steps(samples) - log_odds).max() < 0.5
 
 
 def test_recall_is_counted_above_one_false_accept_in_a_thousand():

@@ -12,6 +12,7 @@ from merger.hypotheses import HypothesesConfig, Hypothesis
 from merger.map_group import Formation, Group, join_formations
 from merger.merge_config import MergeConfig
 from merger.pair_answer import Findings, judge_pairs
+from merger.pair_probability import StepProbabilityConfig, log_odds_of_step
 from merger.result import PairStatus
 from merger.robust_stages import describe_maps, refine_groups, search_all_pairs
 from merger.verification import Evidence, VerificationConfig, find_agreeing_walls, measure_evidence
@@ -129,7 +130,9 @@ def test_a_cycle_lets_a_weaker_motion_join_and_makes_it_surer(found):
     assert [group.members for group in agreement.groups] == [(0, 1, 2)]
     first = agreement.joins[0]
     alone = max(motion.log_odds for motion in found[2][first.members + first.others])
-    assert first.log_odds == pytest.approx(alone + surest + 1.0)
+    assert first.motion_log_odds == alone
+    assert first.log_odds == log_odds_of_step(alone, True, StepProbabilityConfig())
+    assert first.log_odds > log_odds_of_step(alone, False, StepProbabilityConfig())
     unheard = grow(found, found[2], min_log_odds=surest + 1.0, cycle_log_odds=0.0)
     assert [group.members for group in unheard.groups] == [(0,), (1,), (2,)]
 
