@@ -90,8 +90,18 @@ _ORDER_TEXT = (
 
 
 def _summary(results: Results, by: Sequence[str]) -> pd.DataFrame:
-    table = summarize(results, by)
-    return table[[*by, *_SHORT]].rename(columns=_SHORT)
+    table = summarize(results, by)[[*by, *_SHORT]].rename(columns=_SHORT)
+    return _as_typed(table, results.swept)
+
+
+def _as_typed(table: pd.DataFrame, swept: Sequence[str]) -> pd.DataFrame:
+    """A table in which swept values read as one would type them: 0.1, where a score is 0.100."""
+    typed = {
+        key: [f"{v:g}" if isinstance(v, float) else format_value(v) for v in table[key]]
+        for key in swept
+        if key in table
+    }
+    return table.assign(**typed)
 
 
 def _overview(results: Results) -> str:
@@ -148,7 +158,7 @@ def _sweep_chapters(settings: BenchSettings, results: Results, folder: Path) -> 
 
 def _failed_runs(results: Results) -> pd.DataFrame:
     bad = results.scores[results.scores["status"] != "ok"]
-    return bad[["dataset", *results.swept, "method", "seed", "status", "reason"]]
+    return _as_typed(bad[["dataset", *results.swept, "method", "seed", "status", "reason"]], results.swept)
 
 
 def _order_table(cells: Sequence[ScoredCell]) -> pd.DataFrame:

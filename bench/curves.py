@@ -1,6 +1,7 @@
 """Curves over many runs: success against a swept value, errors as distributions, recall by overlap, reliability."""
 
 import itertools
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,13 +11,19 @@ import pandas as pd
 
 from bench import calibration, drawing
 from bench.drawing import Label, Picture
+from bench.metrics import WRONG_ABOVE_DEG, WRONG_ABOVE_M
 from bench.statistics import breaking_point, wilson_share
+from bench.svg import Svg
 from bench.tables import Results, format_value
 
 LEVELS = (0.9, 0.5)
 """Success rates whose loss is a breaking point."""
 OVERLAP_BINS = (0.0, 0.1, 0.2, 0.3, 0.5, 1.0)
 """Edges of the bins of true overlap."""
+_SIZE = (5.4, 3.9)
+"""Of a panel, inches."""
+_MOST_LETTERS = 48
+"""Ticks with more letters together are turned."""
 
 
 def success_curve(results: Results, key: str) -> pd.DataFrame:
@@ -59,30 +66,43 @@ def draw_success(curve: pd.DataFrame, key: str, folder: Path) -> Picture:
     """Success, and share of placed maps that are wrong, against a swept value, with 95 % intervals."""
     methods = [str(m) for m in dict.fromkeys(curve["method"])]
     colours = drawing.method_colours(methods)
+    panels = [
+        _draw_shares(curve, key, name, title)
+        for name, title in (("success", "runs without a fault"), ("wrong", "placed maps that are wrong"))
+    ]
+    alt = f"Success of {', '.join(methods)} against {key} and placed maps that are wrong, with 95 % intervals."
+    label = Label(f"success-{key}", f"Success against {key}", alt)
+    return drawing.save_picture(panels, [(m, colours[m]) for m in methods], folder, label, curve)
+
+
+def _draw_shares(curve: pd.DataFrame, key: str, name: str, title: str) -> Svg:
+    """One share of each method against a swept value."""
+    methods = [str(m) for m in dict.fromkeys(curve["method"])]
+    colours = drawing.method_colours(methods)
     places = np.unique(_positions(curve[key], curve[key]))
     with drawing.style():
-        figure = drawing.new_figure(10.5, 4.2)
-        left, right = figure.subplots(1, 2)
-        for axis, name, title in (
-            (left, "success", "runs without a fault"),
-            (right, "wrong", "placed maps that are wrong"),
-        ):
-            for method in methods:
-                group = curve[curve["method"] == method]
-                x, y = _positions(curve[key], group[key]), group[name].to_numpy(dtype=float)
-                low, high = group[f"{name}_low"].to_numpy(dtype=float), group[f"{name}_high"].to_numpy(dtype=float)
-                x = x + 0.008 * (methods.index(method) - (len(methods) - 1) / 2) * float(np.ptp(places) or 1.0)
-                axis.errorbar(x, y, yerr=np.stack([y - low, high - y]), fmt="none", ecolor=colours[method], capsize=3)
-                axis.plot(x, y, "o-", color=colours[method], label=method, linewidth=2)
-            axis.set(title=title, xlabel=key, ylim=(-0.03, 1.03))
-            axis.yaxis.set_major_formatter(lambda value, _position: f"{100 * value:.0f} %")
-            axis.grid(visible=True)
-            axis.set_xticks(places, [_tick(value) for value in dict.fromkeys(curve[key])])
-        for level in LEVELS:
-            left.axhline(level, linestyle=":", linewidth=1, color="#888888")
-        figure.legend(*left.get_legend_handles_labels(), loc="outside upper left", ncols=len(methods))
-    alt = f"Success of {', '.join(methods)} against {key} and placed maps that are wrong, with 95 % intervals."
-    return drawing.save_picture(figure, folder, Label(f"success-{key}", f"Success against {key}", alt), curve)
+        figure = drawing.new_figure(*_SIZE)
+        axis = figure.subplots()
+        for method in methods:
+            group = curve[curve["method"] == method]
+            x, y = _positions(curve[key], group[key]), group[name].to_numpy(dtype=float)
+            low, high = group[f"{name}_low"].to_numpy(dtype=float), group[f"{name}_high"].to_numpy(dtype=float)
+            x = x + 0.008 * (methods.index(method) - (len(methods) - 1) / 2) * float(np.ptp(places) or 1.0)
+            axis.errorbar(x, y, yerr=np.stack([y - low, high - y]), fmt="none", ecolor=colours[method], capsize=3)
+            axis.plot(x, y, "o-", color=colours[method], linewidth=2)
+        axis.set(title=title, xlabel=key, ylim=(-0.03, 1.03))
+        axis.yaxis.set_major_formatter(lambda value, _position: f"{100 * value:.0f} %")
+        axis.grid(visible=True)
+        ticks = (
+            [_tick(value) for value in sorted(dict.fromkeys(curve[key]))]
+            if _numeric(curve[key])
+            else _words(curve[key])
+        )
+        axis.set_xticks(places, ticks, rotation=45 if sum(map(len, ticks)) > _MOST_LETTERS else 0)
+        if name == "success":
+            for level in LEVELS:
+                axis.axhline(level, linestyle=":", linewidth=1, color="#888888")
+    return drawing.render(figure, f"{name}-{key}")
 
 
 def draw_errors(results: Results, folder: Path) -> Picture | None:
@@ -92,29 +112,42 @@ def draw_errors(results: Results, folder: Path) -> Picture | None:
         return None
     methods = [str(m) for m in dict.fromkeys(maps["method"])]
     colours = drawing.method_colours(methods)
-    rows = []
-    with drawing.style():
-        figure = drawing.new_figure(10.5, 3.9)
-        for axis, name, unit in zip(figure.subplots(1, 2), ("error_m", "error_deg"), ("m", "degrees"), strict=True):
-            for method in methods:
-                group = maps[maps["method"] == method]
-                errors = np.sort(group[name].dropna().to_numpy(dtype=float))
-                share = np.arange(1, len(errors) + 1) / max(len(group), 1)
-                axis.step(
-                    np.maximum(errors, 1e-4), share, where="post", color=colours[method], label=method, linewidth=2
-                )
-                rows += [
-                    {"method": method, "score": name, "value": e, "share": s}
-                    for e, s in zip(errors, share, strict=True)
-                ]
-            axis.axvline(0.5 if unit == "m" else 2.0, linestyle=":", linewidth=1, color="#888888")
-            axis.set(xscale="log", ylim=(0, 1.03), xlabel=f"error, {unit}", ylabel="share of all maps within it")
-            axis.grid(visible=True)
-        figure.legend(*axis.get_legend_handles_labels(), loc="outside upper left", ncols=len(methods))
+    steps = _error_steps(maps, methods)
+    panels = [
+        _draw_steps(steps[steps["score"] == name], methods, bound, f"error, {unit}")
+        for name, unit, bound in (("error_m", "m", WRONG_ABOVE_M), ("error_deg", "degrees", WRONG_ABOVE_DEG))
+    ]
     alt = "Share of all maps placed within an error, for each method; beyond the dotted line a map is wrong."
-    return drawing.save_picture(
-        figure, folder, Label("errors", "How far maps are from where they belong", alt), pd.DataFrame(rows)
-    )
+    label = Label("errors", "How far maps are from where they belong", alt)
+    return drawing.save_picture(panels, [(m, colours[m]) for m in methods], folder, label, steps)
+
+
+def _error_steps(maps: pd.DataFrame, methods: Sequence[str]) -> pd.DataFrame:
+    """Each error with the share of all maps within it, by method and score."""
+    parts = []
+    for method, name in itertools.product(methods, ("error_m", "error_deg")):
+        group = maps[maps["method"] == method]
+        errors = np.sort(group[name].dropna().to_numpy(dtype=float))
+        share = np.arange(1, len(errors) + 1) / max(len(group), 1)
+        parts.append(pd.DataFrame({"method": method, "score": name, "value": errors, "share": share}))
+    return pd.concat(parts, ignore_index=True)
+
+
+def _draw_steps(steps: pd.DataFrame, methods: Sequence[str], bound: float, label: str) -> Svg:
+    """One error's distribution for each method, the bound of *wrong* dotted."""
+    colours = drawing.method_colours(methods)
+    with drawing.style():
+        figure = drawing.new_figure(*_SIZE)
+        axis = figure.subplots()
+        for method in methods:
+            group = steps[steps["method"] == method]
+            axis.step(
+                np.maximum(group["value"], 1e-4), group["share"], where="post", color=colours[method], linewidth=2
+            )
+        axis.axvline(bound, linestyle=":", linewidth=1, color="#888888")
+        axis.set(xscale="log", ylim=(0, 1.03), xlabel=label, ylabel="share of all maps within it")
+        axis.grid(visible=True)
+    return drawing.render(figure, "errors-" + label.rpartition(" ")[2])
 
 
 def recall_by_overlap(results: Results) -> pd.DataFrame:
@@ -147,21 +180,22 @@ def draw_recall(recall: pd.DataFrame, folder: Path) -> Picture:
     methods = [str(m) for m in dict.fromkeys(recall["method"])]
     colours = drawing.method_colours(methods)
     with drawing.style():
-        figure = drawing.new_figure(8.5, 4.0)
+        figure = drawing.new_figure(*_SIZE)
         axis = figure.subplots()
         for k, method in enumerate(methods):
             group = recall[recall["method"] == method]
             x = np.arange(len(group)) + 0.16 * (k - (len(methods) - 1) / 2)
             y = group["recall"].to_numpy(dtype=float)
             bars = np.abs(group[["recall_low", "recall_high"]].to_numpy(dtype=float).T - y)
-            axis.errorbar(x, y, yerr=bars, fmt="o", color=colours[method], capsize=3, label=method)
+            axis.errorbar(x, y, yerr=bars, fmt="o", color=colours[method], capsize=3)
             axis.plot(x, group["recall_initial"], "o", color=colours[method], fillstyle="none", markersize=9)
             axis.set_xticks(np.arange(len(group)), list(group["overlap"]))
         axis.set(xlabel="true overlap of the pair", ylabel="pairs with a right motion", ylim=(-0.03, 1.03))
         axis.grid(visible=True, axis="y")
-        figure.legend(*axis.get_legend_handles_labels(), loc="outside upper left", ncols=len(methods))
     alt = "Pairs with a right motion, by true overlap and method, with 95 % intervals; rings: before confirmation."
-    return drawing.save_picture(figure, folder, Label("recall", "Which pairs are found", alt), recall)
+    label = Label("recall", "Which pairs are found", alt)
+    legend = [(m, colours[m]) for m in methods]
+    return drawing.save_picture([drawing.render(figure, "recall")], legend, folder, label, recall)
 
 
 def draw_reliability(results: Results, folder: Path) -> Picture | None:
@@ -174,37 +208,40 @@ def draw_reliability(results: Results, folder: Path) -> Picture | None:
     colours = drawing.method_colours(methods)
     rows = []
     with drawing.style():
-        figure = drawing.new_figure(5.4, 4.6)
+        figure = drawing.new_figure(*_SIZE)
         axis = figure.subplots()
         axis.plot([0, 1], [0, 1], linestyle=":", color="#888888")
         for method in methods:
             group = stated[stated["method"] == method]
-            curve = calibration.reliability(
-                group["confidence"].to_numpy(dtype=float), ~group["wrong"].to_numpy(dtype=bool)
-            )
-            axis.scatter(
-                curve.stated, curve.observed, s=20 + 6 * np.sqrt(curve.count), color=colours[method], label=method
-            )
-            rows += [
-                {"method": method, "stated": s, "observed": o, "maps": n}
-                for s, o, n in zip(curve.stated, curve.observed, curve.count, strict=True)
-            ]
+            right = ~group["wrong"].to_numpy(dtype=bool)
+            curve = calibration.reliability(group["confidence"].to_numpy(dtype=float), right)
+            axis.scatter(curve.stated, curve.observed, s=20 + 6 * np.sqrt(curve.count), color=colours[method])
+            points = zip(curve.stated, curve.observed, curve.count, strict=True)
+            rows += [{"method": method, "stated": s, "observed": o, "maps": n} for s, o, n in points]
         axis.set(xlabel="stated confidence", ylabel="share that is right", xlim=(-0.03, 1.03), ylim=(-0.03, 1.03))
         axis.grid(visible=True)
-        axis.legend()
     alt = "Stated confidence of placed maps against the share that is right; on the dotted line it is honest."
-    return drawing.save_picture(
-        figure, folder, Label("reliability", "Are confidences honest?", alt), pd.DataFrame(rows)
-    )
+    label = Label("reliability", "Are confidences honest?", alt)
+    legend, panel = [(m, colours[m]) for m in methods], drawing.render(figure, "reliability")
+    return drawing.save_picture([panel], legend, folder, label, pd.DataFrame(rows))
 
 
 def _tick(value: object) -> str:
     return f"{value:g}" if isinstance(value, (int, float)) else format_value(value)
 
 
+def _numeric(values: "pd.Series[Any]") -> bool:
+    return bool(pd.api.types.is_numeric_dtype(values))
+
+
+def _words(values: "pd.Series[Any]") -> list[str]:
+    """The words of a column, each once, in their order."""
+    return list(dict.fromkeys(values.astype(str)))
+
+
 def _positions(values: "pd.Series[Any]", of: "pd.Series[Any]") -> npt.NDArray[np.float64]:
     """Where values stand on an axis: numbers at their place, words in their order."""
-    if pd.api.types.is_numeric_dtype(values):
+    if _numeric(values):
         return of.to_numpy(dtype=np.float64)
-    names = list(dict.fromkeys(values.astype(str)))
+    names = _words(values)
     return np.array([names.index(name) for name in of.astype(str)], dtype=np.float64)

@@ -1,6 +1,5 @@
 """The paper's figures: matches and motions (6), an unreliable pair (7), coarse and fine (8), rivals (9)."""
 
-import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,15 +7,13 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.colors import to_rgba
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
+from matplotlib.colors import to_hex
 
 from bench import drawing, pair_metrics
 from bench.drawing import PAIR_COLOURS, Label, Picture, map_colours
 from bench.exhibit import Exhibit
 from bench.merged_picture import draw_merge, frame_of
+from bench.panels import draw_image, draw_matrix
 from bench.prediction import PredictedPair
 from merger import se2
 
@@ -36,32 +33,27 @@ def draw_pairs(exhibit: Exhibit, folder: Path) -> Picture:
         for i, j in ((pair.target, pair.source), (pair.source, pair.target)):
             inliers[i, j] = 0.0 if np.isnan(pair.num_inliers) else pair.num_inliers
             words[i, j] = _word(pair)
-    with drawing.style():
-        figure = drawing.new_figure(10.5, 4.2)
-        axes = figure.subplots(1, 3)
-        _draw_counts(axes[0], inliers)
-        _draw_words(axes[1], np.where(words == "no_match", words, "rejected"))
-        _draw_words(axes[2], words)
-        _mark_wrong(axes[2], exhibit)
-        for axis, title in zip(
-            axes, ("(a) true matches", "(b) pairs with a motion", "(c) confirmed motions"), strict=True
-        ):
-            axis.set_title(title)
-            axis.set_xticks(range(count), names)
-            axis.set_yticks(range(count), names)
-            axis.tick_params(length=0, labelsize=8)
-            axis.set_xlabel("map")
-            axis.set_ylabel("map")
-        handles = [Patch(color=PAIR_COLOURS[key], label=text) for key, text in _PAIR_WORDS.items()]
-        cross = Line2D([], [], linestyle="", marker="x", color=axes[2].title.get_color(), label="wrong, by the truth")
-        figure.legend(handles=[*handles, cross], loc="outside lower right", ncols=4, fontsize=9)
+    truth = exhibit.dataset.truth.T_world_map
+    wrong = np.full((count, count), "", dtype=object)
+    for pair in exhibit.prediction.pairs:
+        if pair.T_target_source is not None and not pair_metrics.is_right(pair, truth):
+            wrong[pair.target, pair.source] = wrong[pair.source, pair.target] = "✕"
+    nothing, found = np.full((count, count), "", dtype=object), np.where(words == "no_match", words, "rejected")
+    counts = np.where(inliers > 0, np.char.mod("%d", inliers), "").astype(object)
+    panels = [
+        draw_matrix("(a) true matches", names, _shade(inliers), counts),
+        draw_matrix("(b) pairs with a motion", names, _colour(found), nothing),
+        draw_matrix("(c) confirmed motions", names, _colour(words), wrong),
+    ]
+    legend = [(text, PAIR_COLOURS[key]) for key, text in _PAIR_WORDS.items()]
     num_motions = sum(p.T_target_source is not None for p in exhibit.prediction.pairs)
     alt = (
         f"Three matrices of the {count} maps of {exhibit.label}: matches that agree, the {num_motions} pairs with a "
-        f"motion, and which of these are in the tree, confirmed or rejected."
+        f"motion, and which of these are in the tree, confirmed or rejected; a cross: wrong, by the truth."
     )
     title = f"{exhibit.label}, {exhibit.method}: from matches to confirmed motions (Fig. 6)"
-    return drawing.save_picture(figure, folder, Label(_name("fig6", exhibit), title, alt), _pair_table(exhibit))
+    label = Label(_name("fig6", exhibit), title, alt)
+    return drawing.save_picture(panels, legend, folder, label, pd.DataFrame(exhibit.scored.pairs))
 
 
 def draw_coarse_fine(exhibit: Exhibit, folder: Path) -> Picture:
@@ -148,68 +140,31 @@ def _draw_panels(
     if len(shown) == 2:  # a pair is shown whole, wherever it was laid
         poses = np.concatenate([T[shown] for _, T in panels if np.isfinite(T[shown]).all()])
     raster = frame_of([maps[k] for k in shown] * (len(poses) // len(shown)), poses)
-    with drawing.style():
-        aspect = raster.rows / raster.cols
-        width = 3.5 * len(panels)
-        figure = drawing.new_figure(width, 3.5 * min(max(aspect, 0.25), 1.6) + 0.4 + 0.25 * math.ceil(len(shown) / 12))
-        for axis, (text, poses) in zip(np.atleast_1d(figure.subplots(1, len(panels))), panels, strict=True):
-            axis.imshow(draw_merge(maps, poses, raster), interpolation="nearest")
-            axis.set_title(text)
-            axis.set_axis_off()
-        _add_scale(figure.axes[0], raster.cell_m)
-        handles = [Patch(color=map_colours(len(maps))[k], label=maps[k].name) for k in shown]
-        figure.legend(handles=handles, loc="outside lower center", ncols=12, fontsize=8, handlelength=1.0)
+    images = [draw_image(text, draw_merge(maps, poses, raster), raster.cell_m) for text, poses in panels]
+    legend = [(maps[k].name, to_hex(map_colours(len(maps))[k])) for k in shown]
     rows = [
         {"panel": text, "map": m.name, **dict(zip(("x_m", "y_m", "theta_rad"), se2.parameters_of(T), strict=True))}
         for text, poses in panels
         for m, T in zip(maps, poses, strict=True)
     ]
-    return drawing.save_picture(figure, folder, label, pd.DataFrame(rows))
+    return drawing.save_picture(images, legend, folder, label, pd.DataFrame(rows))
 
 
-def _add_scale(axis: Axes, cell_m: float) -> None:
-    """A bar of 5 m in the lower left corner of an image whose pixels have this side."""
-    bottom = axis.get_ylim()[0]
-    axis.plot([0.0, 5.0 / cell_m], [bottom, bottom], linewidth=2.0, color=axis.title.get_color(), clip_on=False)
-    axis.text(5.6 / cell_m, bottom, "5 m", va="center", fontsize=8)
+def _shade(counts: npt.NDArray[np.float64]) -> npt.NDArray[np.object_]:
+    """The more, the darker; empty cells for nothing."""
+    share = counts / max(float(counts.max(initial=0.0)), 1.0)
+    shades = [to_hex((0.82 - 0.6 * s, 0.9 - 0.4 * s, 0.98 - 0.1 * s)) if s > 0 else "none" for s in share.reshape(-1)]
+    return np.array(shades, dtype=object).reshape(counts.shape)
 
 
-def _draw_counts(axis: Axes, counts: npt.NDArray[np.float64]) -> None:
-    shown = np.ma.masked_where(counts <= 0, counts)
-    axis.imshow(shown, cmap="Blues", vmin=-0.35 * max(float(counts.max()), 1.0), vmax=max(float(counts.max()), 1.0))
-    for i, j in zip(*np.nonzero(counts > 0), strict=True):
-        dark = counts[i, j] > 0.45 * counts.max()
-        axis.text(
-            j, i, f"{counts[i, j]:.0f}", ha="center", va="center", fontsize=7, color="white" if dark else "#12283f"
-        )
-
-
-def _draw_words(axis: Axes, words: npt.NDArray[np.object_]) -> None:
-    image = np.array([[to_rgba(PAIR_COLOURS[word]) for word in row] for row in words])
-    axis.imshow(image)
-    axis.set_xticks(np.arange(-0.5, len(words)), minor=True)
-    axis.set_yticks(np.arange(-0.5, len(words)), minor=True)
-    axis.grid(which="minor", linewidth=0.5)
-    axis.tick_params(which="minor", length=0)
-
-
-def _mark_wrong(axis: Axes, exhibit: Exhibit) -> None:
-    """A cross on every motion that truth contradicts."""
-    truth = exhibit.dataset.truth.T_world_map
-    for pair in exhibit.prediction.pairs:
-        if pair.T_target_source is not None and not pair_metrics.is_right(pair, truth):
-            for i, j in ((pair.target, pair.source), (pair.source, pair.target)):
-                axis.text(j, i, "x", ha="center", va="center", fontsize=9)
+def _colour(words: npt.NDArray[np.object_]) -> npt.NDArray[np.object_]:
+    return np.array([[PAIR_COLOURS[word] for word in row] for row in words], dtype=object)
 
 
 def _word(pair: PredictedPair) -> str:
     if pair.T_target_source is None:
         return "no_match"
     return "tree" if pair.in_tree and pair.status == "reliable" else pair.status
-
-
-def _pair_table(exhibit: Exhibit) -> pd.DataFrame:
-    return pd.DataFrame(exhibit.scored.pairs)
 
 
 def _verdict(exhibit: Exhibit) -> str:

@@ -48,4 +48,4 @@ def test_the_report_fits_its_window_and_fetches_nothing(tmp_path: Path, width: i
     page = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120).stdout
     measured = re.search(r"<title>(\d+) (\d+) (\d+)</title>", page)
     assert measured is not None, page
-    assert [int(word) for word in measured.groups()] == [0, 0, 1]
+    assert [int(word) for word in measured.groups()] == [0, 0, 2]
