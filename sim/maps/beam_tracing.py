@@ -1,5 +1,6 @@
 """The kernels of occupancy mapping: which cells a scan's beams cross, and their log-odds, each cell once a scan."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -25,31 +26,37 @@ class BeamModel(NamedTuple):
     """Bound of a cell's absolute log-odds."""
 
 
+class Sweep(NamedTuple):
+    """Where the beams of scans start and go."""
+
+    directions: npt.NDArray[np.float64]
+    """(B, 2) unit vectors of the beams in frame ``lidar``."""
+    motions: npt.NDArray[np.float64]
+    """(S, 3) how the lidar moves from one beam to the next: `sim.maps.scan_skew.motion_per_beam`."""
+
+
 def beam_extent(
-    ranges_m: npt.NDArray[np.float32],
-    T_map_lidar: npt.NDArray[np.float64],
-    directions: npt.NDArray[np.float64],
-    model: BeamModel,
+    ranges_m: npt.NDArray[np.float32], T_map_lidar: npt.NDArray[np.float64], sweep: Sweep, model: BeamModel
 ) -> npt.NDArray[np.float64]:
     """The box that holds all lidars and beams' ends.
 
     Args:
         ranges_m: (S, B) ranges, by REP 117.
-        T_map_lidar: (S, 3, 3) poses of the lidar.
-        directions: (B, 2) unit vectors of the beams in frame ``lidar``.
+        T_map_lidar: (S, 3, 3) poses of the lidar at the first beams.
+        sweep: Where the beams start and go.
         model: Which part of a beam counts.
 
     Returns:
         (4,) x_min, y_min, x_max, y_max in metres, frame ``map``.
     """
-    return np.asarray(_extent(ranges_m, T_map_lidar, directions, model))
+    return np.asarray(_extent(ranges_m, T_map_lidar, sweep, model))
 
 
 def integrate_scans(
     log_odds: npt.NDArray[np.float32],
     ranges_m: npt.NDArray[np.float32],
     T_cells_lidar: npt.NDArray[np.float64],
-    directions: npt.NDArray[np.float64],
+    sweep: Sweep,
     model: BeamModel,
 ) -> None:
     """Add scans to a grid in place: each cell at most once a scan, hits before misses, cells crossed exactly.
@@ -57,12 +64,12 @@ def integrate_scans(
     Args:
         log_odds: (H, W) grid, changed; it must hold all beams (`beam_extent`).
         ranges_m: (S, B) ranges, by REP 117: +inf no return, -inf too near and NaN invalid (both ignored).
-        T_cells_lidar: (S, 3, 3) maps metres of frame ``lidar`` to continuous cells (x = column, y = row): a
-            similarity, its scale 1 / resolution.
-        directions: (B, 2) unit vectors of the beams in frame ``lidar``.
+        T_cells_lidar: (S, 3, 3) maps metres of frame ``lidar`` at a scan's first beam to continuous cells (x = column,
+            y = row): a similarity, its scale 1 / resolution.
+        sweep: Where the beams start and go.
         model: What a beam does to the cells that it meets.
     """
-    _integrate(log_odds, ranges_m, T_cells_lidar, directions, model)
+    _integrate(log_odds, ranges_m, T_cells_lidar, sweep, model)
 
 
 @njit(cache=True, nogil=True)
@@ -78,15 +85,32 @@ def _usable(range_m: float, max_range_m: float, no_return_free_m: float) -> tupl
 
 
 @njit(cache=True, nogil=True)
-def _extent(ranges_m, T, directions, model):  # type: ignore[no-untyped-def] # a kernel
+def _extent(ranges_m, T, sweep, model):  # type: ignore[no-untyped-def] # a kernel
+    num_beams = len(sweep.directions)
     box = np.array([np.inf, np.inf, -np.inf, -np.inf])
+    lengths, rays = np.empty(num_beams), np.empty((num_beams, 4))
     for s in range(len(ranges_m)):
-        _widen(box, T[s, 0, 2], T[s, 1, 2])
-        for b in range(len(directions)):
-            length, _ = _usable(ranges_m[s, b], model.max_range_m, model.no_return_free_m)
-            x, y = length * directions[b, 0], length * directions[b, 1]
-            _widen(box, T[s, 0, 0] * x + T[s, 0, 1] * y + T[s, 0, 2], T[s, 1, 0] * x + T[s, 1, 1] * y + T[s, 1, 2])
+        for b in range(num_beams):
+            lengths[b], _ = _usable(ranges_m[s, b], model.max_range_m, model.no_return_free_m)
+        _aim(T[s], lengths, sweep.directions, sweep.motions[s], rays)
+        for b in range(num_beams):
+            _widen(box, rays[b, 0], rays[b, 1])
+            _widen(box, rays[b, 2], rays[b, 3])
     return box
+
+
+@njit(cache=True, nogil=True)
+def _aim(T, lengths, directions, motion, rays):  # type: ignore[no-untyped-def] # a kernel
+    """The start and the end of each beam of a scan, while the lidar moves on evenly."""
+    turn_x, turn_y = math.cos(motion[2]), math.sin(motion[2])
+    heading_x, heading_y = 1.0, 0.0
+    for b in range(len(lengths)):
+        x, y = b * motion[0], b * motion[1]
+        rays[b, 0], rays[b, 1] = T[0, 0] * x + T[0, 1] * y + T[0, 2], T[1, 0] * x + T[1, 1] * y + T[1, 2]
+        x += lengths[b] * (heading_x * directions[b, 0] - heading_y * directions[b, 1])
+        y += lengths[b] * (heading_y * directions[b, 0] + heading_x * directions[b, 1])
+        rays[b, 2], rays[b, 3] = T[0, 0] * x + T[0, 1] * y + T[0, 2], T[1, 0] * x + T[1, 1] * y + T[1, 2]
+        heading_x, heading_y = heading_x * turn_x - heading_y * turn_y, heading_y * turn_x + heading_x * turn_y
 
 
 @njit(cache=True, nogil=True)
@@ -96,26 +120,25 @@ def _widen(box, x, y):  # type: ignore[no-untyped-def] # a kernel
 
 
 @njit(cache=True, nogil=True)
-def _integrate(log_odds, ranges_m, T, directions, model):  # type: ignore[no-untyped-def] # a kernel
+def _integrate(log_odds, ranges_m, T, sweep, model):  # type: ignore[no-untyped-def] # a kernel
     """Mark the cells of one scan (misses first, so that hits overwrite them), then add the marks of its box."""
-    num_beams = len(directions)
+    num_beams = len(sweep.directions)
     marks = np.zeros(log_odds.shape, dtype=np.uint8)
-    ends, hits = np.empty((num_beams, 2)), np.empty(num_beams, dtype=np.bool_)
+    lengths, hits, rays = np.empty(num_beams), np.empty(num_beams, dtype=np.bool_), np.empty((num_beams, 4))
     box = np.empty(4)
     for s in range(len(ranges_m)):
-        x0, y0 = T[s, 0, 2], T[s, 1, 2]
-        box[0], box[1], box[2], box[3] = x0, y0, x0, y0
         for b in range(num_beams):
-            length, hits[b] = _usable(ranges_m[s, b], model.max_range_m, model.no_return_free_m)
-            x, y = length * directions[b, 0], length * directions[b, 1]
-            ends[b, 0] = T[s, 0, 0] * x + T[s, 0, 1] * y + x0
-            ends[b, 1] = T[s, 1, 0] * x + T[s, 1, 1] * y + y0
-            if length > 0.0:
-                _widen(box, ends[b, 0], ends[b, 1])
-                _mark_crossed(marks, x0, y0, ends[b, 0], ends[b, 1])
+            lengths[b], hits[b] = _usable(ranges_m[s, b], model.max_range_m, model.no_return_free_m)
+        _aim(T[s], lengths, sweep.directions, sweep.motions[s], rays)
+        box[0], box[1], box[2], box[3] = rays[0, 0], rays[0, 1], rays[0, 0], rays[0, 1]
+        for b in range(num_beams):
+            if lengths[b] > 0.0:
+                _widen(box, rays[b, 0], rays[b, 1])
+                _widen(box, rays[b, 2], rays[b, 3])
+                _mark_crossed(marks, rays[b, 0], rays[b, 1], rays[b, 2], rays[b, 3])
         for b in range(num_beams):
             if hits[b]:
-                marks[int(ends[b, 1]), int(ends[b, 0])] = _HIT
+                marks[int(rays[b, 3]), int(rays[b, 2])] = _HIT
         _add_marks(log_odds, marks, box, model)
 
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from merger import se2
 from merger.grid_map import GridMap
-from sim.maps.beam_tracing import BeamModel, beam_extent, integrate_scans
+from sim.maps.beam_tracing import BeamModel, Sweep, beam_extent, integrate_scans
 from sim.robot_run import LidarSpec
 
 _GROWTH_CELLS = 128
@@ -70,21 +70,28 @@ class OccupancyMapper:
         self._log_odds = np.zeros((0, 0), dtype=np.float32)
         self._first_cell = np.zeros(2, dtype=np.int64)
 
-    def add_scans(self, ranges_m: npt.NDArray[np.float32], T_map_robot: npt.NDArray[np.float64]) -> None:
+    def add_scans(
+        self,
+        ranges_m: npt.NDArray[np.float32],
+        T_map_robot: npt.NDArray[np.float64],
+        motions: npt.NDArray[np.float64] | None = None,
+    ) -> None:
         """Add scans in their order.
 
         Args:
             ranges_m: (S, B) ranges, by REP 117.
             T_map_robot: (S, 3, 3) poses of the robot.
+            motions: (S, 3) of the lidar from beam to beam: `sim.maps.scan_skew.motion_per_beam`; none: it stands.
         """
         if len(ranges_m) == 0:
             return
         T_map_lidar = T_map_robot @ self._T_robot_lidar
-        self._grow(beam_extent(ranges_m, T_map_lidar, self._directions, self._model))
+        sweep = Sweep(self._directions, np.zeros((len(ranges_m), 3)) if motions is None else motions)
+        self._grow(beam_extent(ranges_m, T_map_lidar, sweep, self._model))
         T_cells_lidar = T_map_lidar / self._resolution_m
         T_cells_lidar[:, :2, 2] -= self._first_cell
         T_cells_lidar[:, 2, 2] = 1.0
-        integrate_scans(self._log_odds, ranges_m, T_cells_lidar, self._directions, self._model)
+        integrate_scans(self._log_odds, ranges_m, T_cells_lidar, sweep, self._model)
 
     def grid(self, name: str) -> GridMap:
         """The map so far, cut to the cells that have been seen; a single unknown cell where there is none."""

@@ -21,7 +21,7 @@ _NORMAL_REACH_M = 0.4
 
 
 def find_surfaces(
-    ranges_m: npt.NDArray[np.float32], lidar: LidarSpec, max_range_m: float
+    ranges_m: npt.NDArray[np.float32], lidar: LidarSpec, max_range_m: float, motions: npt.NDArray[np.float64]
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
     """The surfaces that scans see.
 
@@ -29,34 +29,49 @@ def find_surfaces(
         ranges_m: (K, B) ranges, by REP 117.
         lidar: The lidar.
         max_range_m: Longer ranges are not used.
+        motions: (K, 3) of the lidar from beam to beam: `sim.maps.scan_skew.motion_per_beam`.
 
     Returns:
-        (K, B, 4) ends of the beams and unit normals towards the lidar, frame ``lidar``, metres: NaN ends where a beam
+        (K, B, 4) ends of the beams and unit normals towards the lidar, frame ``lidar`` at a scan's first beam, metres:
+        NaN ends where a beam
         has no usable return, NaN normals where an end stands alone; (K, B) whether an end and the next one bound the
         same surface.
     """
     directions = np.stack([np.cos(lidar.angles_rad), np.sin(lidar.angles_rad)], axis=-1)
     surfaces = np.full((*ranges_m.shape, 4), np.nan)
     linked = np.zeros(ranges_m.shape, dtype=np.bool_)
-    _find(ranges_m, directions, (abs(lidar.angle_increment_rad), max_range_m), surfaces, linked)
+    _find(ranges_m, (directions, motions), (abs(lidar.angle_increment_rad), max_range_m), surfaces, linked)
     return surfaces, linked
 
 
 @njit(cache=True, nogil=True)
-def _find(ranges_m, directions, limits, surfaces, linked):  # type: ignore[no-untyped-def] # a kernel
+def _find(ranges_m, sweep, limits, surfaces, linked):  # type: ignore[no-untyped-def] # a kernel
+    directions, motions = sweep
     step_rad, max_range_m = limits
     num_beams = len(directions)
     for s in range(len(ranges_m)):
         points = surfaces[s]
-        for b in range(num_beams):
-            if 0.0 < ranges_m[s, b] <= max_range_m:
-                points[b, 0], points[b, 1] = ranges_m[s, b] * directions[b, 0], ranges_m[s, b] * directions[b, 1]
+        _place_ends(ranges_m[s], (directions, motions[s]), max_range_m, points)
         for b in range(num_beams - 1):
             gap_m = math.hypot(points[b + 1, 0] - points[b, 0], points[b + 1, 1] - points[b, 1])
             widest_m = _LINK_STEPS * step_rad * min(ranges_m[s, b], ranges_m[s, b + 1]) + _LINK_EXTRA_M
             linked[s, b] = gap_m <= min(widest_m, _LINK_MAX_M)
         for b in range(num_beams):
             _fit_normal(points, linked[s], b)
+
+
+@njit(cache=True, nogil=True)
+def _place_ends(ranges_m, sweep, max_range_m, points):  # type: ignore[no-untyped-def] # a kernel
+    """The ends of a scan's beams in the frame of its first one, while the lidar moves on evenly."""
+    directions, motion = sweep
+    turn_x, turn_y = math.cos(motion[2]), math.sin(motion[2])
+    heading_x, heading_y = 1.0, 0.0
+    for b in range(len(directions)):
+        if 0.0 < ranges_m[b] <= max_range_m:
+            x = heading_x * directions[b, 0] - heading_y * directions[b, 1]
+            y = heading_y * directions[b, 0] + heading_x * directions[b, 1]
+            points[b, 0], points[b, 1] = b * motion[0] + ranges_m[b] * x, b * motion[1] + ranges_m[b] * y
+        heading_x, heading_y = heading_x * turn_x - heading_y * turn_y, heading_y * turn_x + heading_x * turn_y
 
 
 @njit(cache=True, nogil=True)

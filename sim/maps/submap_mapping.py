@@ -10,6 +10,7 @@ import numpy.typing as npt
 from merger import se2
 from merger.grid_map import GridMap
 from sim.maps.mapping import OccupancyConfig, OccupancyMapper
+from sim.maps.scan_skew import motion_per_beam
 from sim.maps.submap_poses import PoseEstimationConfig, estimate_poses
 from sim.robot_run import RobotRun
 
@@ -97,6 +98,9 @@ def _poses_from_first(
 
 def _add_run(mapper: OccupancyMapper, run: RobotRun, start: int, T_map_robot: npt.NDArray[np.float64]) -> None:
     """Add the scans from ``start`` on to a map, some at a time."""
+    stamps_s = run.trajectory.stamps_s[start : start + len(T_map_robot)]
+    motions = motion_per_beam(T_map_robot @ run.lidar.pose_on_robot, stamps_s, run.lidar)
     for first in range(0, len(T_map_robot), _CHUNK_SCANS):
         poses = T_map_robot[first : first + _CHUNK_SCANS]
-        mapper.add_scans(run.read_ranges(start + first, start + first + len(poses)), poses)
+        ranges_m = run.read_ranges(start + first, start + first + len(poses))
+        mapper.add_scans(ranges_m, poses, motions[first : first + _CHUNK_SCANS])

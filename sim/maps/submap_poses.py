@@ -10,6 +10,7 @@ import numpy.typing as npt
 from merger import se2
 from sim.maps.joint_alignment import JointAlignmentConfig, align_scans
 from sim.maps.scan_matching import ScanMatcher, ScanMatchingConfig
+from sim.maps.scan_skew import motion_per_beam
 from sim.maps.scan_surfaces import find_surfaces
 from sim.robot_run import LidarSpec, RobotRun
 from sim.sensors.odometry import OdometryConfig
@@ -76,8 +77,11 @@ def estimate_poses(run: RobotRun, start: int, stop: int, config: PoseEstimationC
     sigmas = odometry_sigmas(se2.invert(T_odom_robot[:-1]) @ T_odom_robot[1:], config.odometry)
     sigmas = np.concatenate([np.full((1, 2), _FLOOR_M), sigmas])
 
+    motions = motion_per_beam(T_odom_lidar, run.trajectory.stamps_s[start:stop], run.lidar)
+
     def read_surfaces(first: int, last: int) -> tuple[Array, npt.NDArray[np.bool_]]:
-        return find_surfaces(run.read_ranges(start + first, start + last), run.lidar, max_range_m)
+        ranges_m = run.read_ranges(start + first, start + last)
+        return find_surfaces(ranges_m, run.lidar, max_range_m, motions[first:last])
 
     T_map_lidar = _match_in_turn(read_surfaces, T_odom_lidar, sigmas, config)
     if config.joint:

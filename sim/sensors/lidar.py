@@ -1,7 +1,7 @@
 """A 2D lidar on a moving robot: whole scans from poses, computed when they are asked for."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -76,8 +76,8 @@ def scan_run(scene: Scene, trajectory: Trajectory, lidar: LidarSpec, noise: Nois
     """
     check_lidar(lidar)
     directions = np.stack([np.cos(lidar.angles_rad), np.sin(lidar.angles_rad)], axis=-1)
-    time_increment_s = lidar.time_increment_s if noise.skew else 0.0
-    scanner = Scanner(directions, lidar.range_min_m, lidar.range_max_m, time_increment_s)
+    lidar = lidar if noise.skew else replace(lidar, time_increment_s=0.0)
+    scanner = Scanner(directions, lidar.range_min_m, lidar.range_max_m, lidar.time_increment_s)
     poses = se2.parameters_of(trajectory.T_world_robot @ lidar.pose_on_robot)
     rates = _rates(poses, trajectory.stamps_s)
     effects, keys = effects_of(noise), effect_keys(seed, trajectory.robot)

@@ -34,18 +34,18 @@ def cells_crossed(start, end):
     return found
 
 
-def slow_map(ranges, T_map_robot, lidar, config):
+def slow_map(ranges, T_map_robot, lidar, config, motions):
     """Slow and obvious: a dictionary of cells; each scan first collects its hits and its misses."""
     log_odds = {}
-    for scan, T in zip(ranges, T_map_robot @ lidar.pose_on_robot, strict=True):
+    for scan, T_first, motion in zip(ranges, T_map_robot @ lidar.pose_on_robot, motions, strict=True):
         hits, misses = set(), set()
-        start = T[:2, 2] / config.resolution_m
-        for r, angle in zip(scan.astype(float), lidar.angles_rad, strict=True):
+        for b, (r, angle) in enumerate(zip(scan.astype(float), lidar.angles_rad, strict=True)):
             length = config.no_return_free_m if r == math.inf else min(r, config.max_range_m)
             if not length > 0.0:
                 continue
+            T = T_first @ se2.make_motion(*(b * motion))
             end = se2.transform_points(T, length * np.array([[math.cos(angle), math.sin(angle)]]))[0]
-            end = end / config.resolution_m
+            start, end = T[:2, 2] / config.resolution_m, end / config.resolution_m
             misses |= cells_crossed(start, end)
             if r <= config.max_range_m:
                 hits.add(tuple(np.floor(end).astype(int)))
@@ -65,18 +65,21 @@ def random_scans(rng, count):
     return ranges, poses
 
 
-def mapped(ranges, poses, config, lidar=LIDAR):
+def mapped(ranges, poses, config, lidar=LIDAR, motions=None):
     mapper = OccupancyMapper(lidar, config)
-    mapper.add_scans(ranges, poses)
+    mapper.add_scans(ranges, poses, motions)
     return mapper.grid("map_00")
 
 
 @settings(max_examples=6, deadline=None)
-@given(st.integers(0, 10_000), st.sampled_from([0.0, 2.5]))
-def test_the_kernel_agrees_with_the_slow_oracle(seed, no_return_free_m):
-    ranges, poses = random_scans(np.random.default_rng(seed), 4)
+@given(st.integers(0, 10_000), st.sampled_from([0.0, 2.5]), st.sampled_from([0.0, 0.01]))
+def test_the_kernel_agrees_with_the_slow_oracle(seed, no_return_free_m, moving):
+    rng = np.random.default_rng(seed)
+    ranges, poses = random_scans(rng, 4)
+    motions = rng.normal(0.0, moving, (4, 3))
     config = OccupancyConfig(resolution_m=0.1, max_range_m=4.0, no_return_free_m=no_return_free_m, log_odds_limit=3.0)
-    grid, expected = mapped(ranges, poses, config), slow_map(ranges, poses, LIDAR, config)
+    grid = mapped(ranges, poses, config, motions=motions)
+    expected = slow_map(ranges, poses, LIDAR, config, motions)
     column, row = np.round(grid.T_map_grid[:2, 2] / 0.1).astype(int)
     found = {(c + column, r + row): grid.log_odds[r, c] for r, c in zip(*np.nonzero(grid.log_odds), strict=True)}
     expected = {cell: value for cell, value in expected.items() if abs(value) > 1e-6}

@@ -137,7 +137,7 @@ def test_normals_of_a_scan_stand_on_its_walls_and_point_to_the_lidar():
     with np.errstate(divide="ignore"):
         ranges = np.minimum(3.0 / np.cos(angles), 2.0 / np.abs(np.sin(angles))).astype(np.float32)
     ranges[40] = np.inf
-    surfaces, linked = find_surfaces(ranges[None], lidar, 20.0)
+    surfaces, linked = find_surfaces(ranges[None], lidar, 20.0, np.zeros((1, 3)))
     assert np.isnan(surfaces[0, 40]).all()
     assert not linked[0, 39:41].any()
     np.testing.assert_allclose(surfaces[0, 85:95, 2:], np.tile([-1.0, 0.0], (10, 1)), atol=1e-5)
