@@ -1,6 +1,7 @@
 """The hot loop of the alignment: walls pull the walls near them onto themselves, in both directions at once."""
 
-from typing import Any
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -9,7 +10,6 @@ from merger import se2
 from merger.wall_kernels import (
     View,
     Walls,
-    columns_of,
     distances_of,
     find_cells,
     move_points,
@@ -21,6 +21,25 @@ Array = npt.NDArray[np.float64]
 
 _FACING = 0.3
 """Walls whose free sides' product is below minus this are opposite faces, which do not attract each other."""
+_ALONG = 0.1
+"""A wall pins a motion along itself with this share of its weight, which keeps the system regular."""
+
+
+class _Meetings(NamedTuple):
+    """The (M,) walls of one map that lie near walls of another, motion by motion."""
+
+    motion: npt.NDArray[np.intp]
+    """Number of the motion, rising."""
+    place: Array
+    """(2, M) where the walls are moved, metres, the other map's frame ``field``."""
+    foot: Array
+    """(2, M) the walls they meet."""
+    normal: Array
+    """(2, M) whose normals."""
+    across: Array
+    """Weight of the residual along the normal, metres of wall: zero at the cut-off (Tukey)."""
+    along: Array
+    """Weight of the residual along the wall."""
 
 
 def refine_motions(T_start: Array, target: View, source: View, cutoffs_m: tuple[float, ...], tolerance: float) -> Array:
@@ -61,82 +80,72 @@ def sum_equations(T: Array, target: View, source: View, cutoff_m: float) -> tupl
     Returns:
         (K, 3, 3) A and (K, 3) b; weights are metres of wall.
     """
-    A, b = _one_way(T, source.sample, target, cutoff_m, at_wall=False)
+    A, b = _accumulate(_meet(T, source.sample, target, cutoff_m), len(T), at_wall=False)
     T_source_target = se2.invert(T)
-    A_source, b_source = _one_way(T_source_target, target.sample, source, cutoff_m, at_wall=True)
+    A_source, b_source = _accumulate(_meet(T_source_target, target.sample, source, cutoff_m), len(T), at_wall=True)
     # exp(v) T moves the source's walls by exp(Ad v) in the source's own frame.
     J = se2.adjoint(T_source_target)
     J_T = np.swapaxes(J, 1, 2)
     return A + J_T @ A_source @ J, b + (J_T @ b_source[:, :, None])[:, :, 0]
 
 
-def _one_way(T: Array, walls: Walls, other: View, cutoff_m: float, at_wall: bool) -> tuple[Array, Array]:
-    """Normal equations of one map's walls, moved by (K, 3, 3) T, onto another map, in the other map's frame ``field``.
+def sum_gaps(T: Array, target: View, source: View, cutoff_m: float) -> tuple[float, float]:
+    """How far walls that meet are apart across themselves, in both directions.
 
-    A wall pins a motion along its normal, and along itself with a small share that keeps the system regular.
-    Weights, in metres of wall, fall to zero at the cut-off (Tukey). With ``at_wall`` the other map's walls are those
-    that move.
+    Args:
+        T: (3, 3) motion ``T_target_source`` between the frames ``field``.
+        target: The map that stays.
+        source: The map that moves.
+        cutoff_m: Walls farther apart do not meet, metres.
+
+    Returns:
+        Sums over the walls of weight times squared distance, m^3, and of the weights, metres.
     """
+    squares, weights = 0.0, 0.0
+    for T_to_at, at, to in ((T, source, target), (se2.invert(T), target, source)):
+        met = _meet(T_to_at[None], at.sample, to, cutoff_m)
+        gaps = ((met.place - met.foot) * met.normal).sum(axis=0)
+        squares += float(met.across @ gaps**2)
+        weights += float(met.across.sum())
+    return squares, weights
+
+
+def _meet(T: Array, walls: Walls, other: View, cutoff_m: float) -> _Meetings:
+    """Find which walls (K, 3, 3) T moves to within the cut-off of another map's walls, and weigh them."""
     x, y = (values.ravel() for values in move_points(T, walls.points))
     cells = find_cells(x, y, other.fields)
     near = np.flatnonzero(distances_of(other.fields, cells) < cutoff_m)
     motion, point = split_numbers(near, len(walls.points))
-    to = other.fields.nearest.ravel()[cells[near]]
-    px, py = other.walls.points[:, 0][to], other.walls.points[:, 1][to]
-    dx, dy = x[near] - px, y[near] - py
-    nx, ny = other.walls.normals[:, 0][to], other.walls.normals[:, 1][to]
-    weight, along = _weights(T, walls, other.walls, (motion, point, to), (dx * dx + dy * dy) / (cutoff_m * cutoff_m))
-    if at_wall:
-        dx, dy = -dx, -dy
-    else:
-        px, py = x[near], y[near]
-    rows = _accumulate((dx, dy), (px, py), (nx, ny), weight, along)
-    sums = np.stack([np.bincount(motion, row, len(T)) for row in rows], axis=-1, dtype=np.float64)
-    return sums[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3), sums[:, 6:]
+    met = other.walls.table.take(other.fields.nearest.ravel().take(cells.take(near)), axis=1)
+    own = walls.table.take(point, axis=1)
+    place = np.stack([x.take(near), y.take(near)])
+    c, s = T[0, :2, 0] if len(T) == 1 else T[:, :2, 0].T.take(motion, axis=1)
+    facing = turned_product(c, s, own[4], own[5], met[4], met[5])
+    same = np.abs(turned_product(c, s, own[2], own[3], met[2], met[3]))
+    line = own[6] * met[6]
+    dx, dy = place - met[:2]
+    kernel = np.maximum(1.0 - (dx * dx + dy * dy) * (1.0 / cutoff_m**2), 0.0)
+    kernel[facing < -_FACING] = 0.0
+    across = own[7] * kernel * kernel * (1.0 - line * (1.0 - same))
+    return _Meetings(motion, place, met[:2], met[2:4], across, across * (1.0 - (1.0 - _ALONG) * line))
 
 
-def _accumulate(
-    apart: tuple[Array, Array], place: tuple[Array, Array], normal: tuple[Array, Array], weight: Array, along: Array
-) -> tuple[Array, ...]:
-    """Summands of xx, xy, xt, yy, yt, tt of A, and of x, y, t of b, t the turn about the origin.
+def _accumulate(met: _Meetings, count: int, at_wall: bool) -> tuple[Array, Array]:
+    """Normal equations, (K, 3, 3) and (K, 3), in the frame in which walls meet; K is ``count``.
 
-    Args:
-        apart: How far walls are apart, metres.
-        place: Where.
-        normal: The direction of the first residual; the second one's is turned by a quarter turn.
-        weight: Weight of the first residual.
-        along: Weight of the second one.
+    With ``at_wall`` the other map's walls are those that move.
     """
-    (dx, dy), (px, py), (nx, ny) = apart, place, normal
-    across_r, along_r = dx * nx + dy * ny, dy * nx - dx * ny
-    across_t, along_t = ny * px - nx * py, nx * px + ny * py
-    across_n, across_m = weight * nx, weight * ny
-    along_n, along_m = along * nx, along * ny
-    return (
-        across_n * nx + along_m * ny,
-        across_n * ny - along_m * nx,
-        across_n * across_t - along_m * along_t,
-        across_m * ny + along_n * nx,
-        across_m * across_t + along_n * along_t,
-        weight * across_t * across_t + along * along_t * along_t,
-        along_m * along_r - across_n * across_r,
-        -across_m * across_r - along_n * along_r,
-        -weight * across_t * across_r - along * along_t * along_r,
-    )
-
-
-def _weights(
-    T: Array, walls: Walls, to: Walls, numbers: tuple[npt.NDArray[np.integer[Any]], ...], u: Array
-) -> tuple[Array, Array]:
-    """Weight of each residual across and along its wall; u is the squared distance in squared cut-offs."""
-    motion, point, other = numbers
-    c, s = T[:, 0, 0][motion], T[:, 1, 0][motion]
-    facing = turned_product(c, s, *columns_of(walls.facing, point), *columns_of(to.facing, other))
-    same = np.abs(turned_product(c, s, *columns_of(walls.normals, point), *columns_of(to.normals, other)))
-    line = walls.linearity[point] * to.linearity[other]
-    kernel = np.where(facing < -_FACING, 0.0, np.maximum(1.0 - u, 0.0))
-    weight = walls.lengths_m[point] * kernel * kernel * (1.0 - line * (1.0 - same))
-    return weight, weight * (1.0 - 0.9 * line)
+    (px, py), (nx, ny) = met.foot if at_wall else met.place, met.normal
+    dx, dy = met.foot - met.place if at_wall else met.place - met.foot
+    across = np.stack([nx, ny, ny * px - nx * py, dx * nx + dy * ny])
+    along = np.stack([-ny, nx, nx * px + ny * py, dy * nx - dx * ny])
+    sums = np.zeros((count, 4, 4))
+    ends = np.searchsorted(met.motion, np.arange(count + 1)).tolist()
+    for rows, weights in ((across, met.across), (along, met.along)):
+        weighted = rows * weights
+        for k, (start, end) in enumerate(pairwise(ends)):
+            sums[k] += rows[:, start:end] @ weighted[:, start:end].T
+    return sums[:, :3, :3], -sums[:, :3, 3]
 
 
 def _solve_damped(A: Array, b: Array) -> Array:

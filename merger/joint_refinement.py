@@ -1,23 +1,29 @@
 """Joint refinement: lay the walls of all placed maps onto each other at once (multi-view trimmed ICP).
 
 Every pair of maps that overlap adds the point-to-wall residuals of both directions; all motions are solved together,
-so that errors do not add up along chains. Source: the multi-view registration of [Zhu14], with the residuals of
-`wall_alignment`.
+so that errors do not add up along chains. A pair counts by how closely its walls can be laid onto each other: maps
+bend, and walls that were seen twice, from poses that had drifted apart, agree less than those of one visit. Source:
+the multi-view registration of [Zhu14], with the residuals of `wall_alignment`, and steps that are stretched as in
+[Barzilai 1988], since thick walls that overlap pull too little.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from merger import se2
 from merger.robust_averaging import solve_blocks
-from merger.wall_alignment import wall_equations
+from merger.wall_alignment import wall_equations, wall_gaps
 from merger.wall_structure import WallStructure
 
 Array = npt.NDArray[np.float64]
+
+_LONGEST_STRETCH = 3.0
+"""No step is stretched by more."""
 
 
 @dataclass(frozen=True)
@@ -28,12 +34,24 @@ class JointRefinementConfig:
         ValueError: a setting is out of its range.
     """
 
-    cutoffs_m: tuple[float, ...] = (0.3, 0.25, 0.2, 0.2, 0.15, 0.15, 0.12, 0.1, 0.1)
-    """Distance beyond which a wall point has no say, metres, one for each step; > 0."""
+    cutoffs_m: tuple[float, ...] = (0.3, 0.2, 0.15, 0.1, 0.1)
+    """Distance beyond which a wall point has no say, metres, one for each step in which all pairs count alike; > 0."""
+    last_cutoff_m: float = 0.08
+    """The same for the steps after these, in which pairs count by how closely they agree; > 0."""
+    num_last_steps: int = 8
+    """How many there are at most, at least 0."""
+    least_cutoff_cells: float = 1.6
+    """No cut-off is below so many cells of the coarser map of a pair, > 0."""
+    gap_cutoff_m: float = 0.2
+    """Walls farther apart do not count when it is measured how closely a pair agrees, metres, > 0."""
+    closeness: float = 8.0
+    """A pair counts by this power of the inverse of how far its walls are apart, >= 0."""
+    prior_m: float = 5.0
+    """So many metres of wall that are as far apart as all pairs' walls are added to each pair's own, > 0."""
     min_overlap_m: float = 1.0
     """Pairs with less agreeing wall are left out, metres, > 0."""
-    tolerance: float = 1e-5
-    """Steps end early once none is longer at the last cut-off, metres and radians, > 0."""
+    tolerance: float = 1e-4
+    """The last steps end early once none is longer, metres and radians, > 0."""
     metre_variance_m3: float = 2.5e-3
     """Variance of what one metre of wall says about a shift: residuals of 0.05 m, independent every metre; > 0."""
     independent_m: float = 2.0
@@ -43,9 +61,13 @@ class JointRefinementConfig:
         """Refuse values out of range."""
         if not self.cutoffs_m or min(self.cutoffs_m) <= 0.0:
             raise ValueError(f"cutoffs_m must be > 0 m, got {self.cutoffs_m}")
-        for name in ("min_overlap_m", "tolerance", "metre_variance_m3", "independent_m"):
+        lengths = ("last_cutoff_m", "least_cutoff_cells", "gap_cutoff_m", "prior_m", "min_overlap_m")
+        for name in (*lengths, "tolerance", "metre_variance_m3", "independent_m"):
             if not getattr(self, name) > 0.0:
                 raise ValueError(f"{name} must be > 0, got {getattr(self, name)}")
+        for name in ("num_last_steps", "closeness"):
+            if not getattr(self, name) >= 0:
+                raise ValueError(f"{name} must be >= 0, got {getattr(self, name)}")
 
 
 @dataclass(frozen=True)
@@ -56,6 +78,15 @@ class JointMotions:
     """(N, 3, 3) motions of the maps' frames ``map``; the first map's stays."""
     covariance: Array
     """(N, 3, 3) covariance of ``v = (x, y, theta)`` in ``T_root_map @ exp(v)``, relative to the first map."""
+
+
+class _Pairs(NamedTuple):
+    """Pairs of maps that overlap."""
+
+    edges: npt.NDArray[np.intp]
+    """(E, 2) maps (i, j)."""
+    weights: Array
+    """(E,) how much each counts."""
 
 
 def refine_jointly(
@@ -72,43 +103,76 @@ def refine_jointly(
         Refined motions and their covariance.
     """
     T_map_field = np.stack([item.T_map_field for item in structures])
-    T = T_root_map @ T_map_field
-    pairs = np.array(list(combinations(range(len(structures)), 2)), dtype=np.intp).reshape(-1, 2)
-    H = np.zeros((0, 3, 3))
-    for cutoff_m in config.cutoffs_m:
-        edges, H, g = _equations(structures, T, pairs, cutoff_m, config)
-        steps = solve_blocks(edges, H, g, len(T))
-        T = se2.exp(steps) @ T
-        pairs = edges  # the cut-off falls: who does not meet at the first one never will
-        if cutoff_m == config.cutoffs_m[-1] and np.abs(steps).max(initial=0.0) < config.tolerance:
-            break
+    edges = np.array(list(combinations(range(len(structures)), 2)), dtype=np.intp).reshape(-1, 2)
+    pairs = _Pairs(edges, np.ones(len(edges)))
+    T, pairs = _take_steps(structures, T_root_map @ T_map_field, pairs, config.cutoffs_m, config)
+    pairs = _weigh_pairs(structures, T, pairs, config)
+    T, pairs = _take_steps(structures, T, pairs, (config.last_cutoff_m,) * config.num_last_steps, config)
+    pairs, H, _ = _equations(structures, T, pairs, config.last_cutoff_m, config)
     T_refined = T @ se2.invert(T_map_field)
-    return JointMotions(T_refined, _covariance(edges, H, T_refined, config))
+    return JointMotions(T_refined, _covariance(pairs.edges, H, T_refined, config))
+
+
+def _take_steps(
+    structures: Sequence[WallStructure],
+    T: Array,
+    pairs: _Pairs,
+    cutoffs_m: Sequence[float],
+    config: JointRefinementConfig,
+) -> tuple[Array, _Pairs]:
+    """Refined (N, 3, 3) ``T_root_field``, and the pairs that are left: who does not meet at first never will."""
+    taken, stretch = np.zeros((0, 3)), 1.0
+    for cutoff_m in cutoffs_m:
+        pairs, H, g = _equations(structures, T, pairs, cutoff_m, config)
+        steps = solve_blocks(pairs.edges, pairs.weights[:, None, None] * H, pairs.weights[:, None] * g, len(T))
+        if len(taken):
+            stretch = _stretch(taken, steps)
+        taken = stretch * steps
+        T = se2.exp(taken) @ T
+        if cutoff_m == config.last_cutoff_m and np.abs(steps).max(initial=0.0) < config.tolerance:
+            break
+    return T, pairs
+
+
+def _stretch(taken: Array, steps: Array) -> float:
+    """How far to go along the steps, by how much the last ones, which were taken, made them shorter."""
+    shortened = float(((taken - steps) * taken).sum())
+    length = float((taken * taken).sum())
+    return min(max(length / shortened, 1.0), _LONGEST_STRETCH) if shortened > 0.0 else _LONGEST_STRETCH
+
+
+def _weigh_pairs(structures: Sequence[WallStructure], T: Array, pairs: _Pairs, config: JointRefinementConfig) -> _Pairs:
+    """Let pairs count by how closely their walls agree; the median counts 1."""
+    if len(pairs.edges) == 0:
+        return pairs
+    gaps = [
+        wall_gaps(structures[i], structures[j], se2.invert(T[i]) @ T[j], config.gap_cutoff_m)
+        for i, j in pairs.edges.tolist()
+    ]
+    squares, lengths_m = np.array(gaps).T
+    mean = max(float(squares.sum() / max(lengths_m.sum(), 1e-9)), 1e-12)
+    apart = np.sqrt((squares / mean + config.prior_m) / (lengths_m + config.prior_m))
+    weights = apart**-config.closeness
+    return _Pairs(pairs.edges, weights / np.median(weights))
 
 
 def _equations(
-    structures: Sequence[WallStructure],
-    T: Array,
-    pairs: npt.NDArray[np.intp],
-    cutoff_m: float,
-    config: JointRefinementConfig,
-) -> tuple[npt.NDArray[np.intp], Array, Array]:
-    """Pairs that overlap, with their blocks for the steps ``exp(v_i) @ T_root_field``."""
-    edges, blocks, gradients = [], [], []
-    for i, j in pairs.tolist():
-        A, b = wall_equations(structures[i], structures[j], se2.invert(T[i]) @ T[j], cutoff_m)
+    structures: Sequence[WallStructure], T: Array, pairs: _Pairs, cutoff_m: float, config: JointRefinementConfig
+) -> tuple[_Pairs, Array, Array]:
+    """Pairs that overlap, with their blocks for the steps ``exp(v_i) @ T_root_field``, not yet weighted."""
+    kept, blocks, gradients = [], [], []
+    for number, (i, j) in enumerate(pairs.edges.tolist()):
+        cell_m = max(structures[i].fields.resolution_m, structures[j].fields.resolution_m)
+        least_m = config.least_cutoff_cells * cell_m
+        A, b = wall_equations(structures[i], structures[j], se2.invert(T[i]) @ T[j], max(cutoff_m, least_m))
         if A[0, 0] + A[1, 1] < config.min_overlap_m:
             continue
         J = se2.adjoint(se2.invert(T[i]))
-        edges.append((i, j))
+        kept.append(number)
         blocks.append(J.T @ A @ J)
         gradients.append(-J.T @ b)
-    shape = (len(edges), 3)
-    return (
-        np.array(edges, dtype=np.intp).reshape(-1, 2),
-        np.array(blocks).reshape(*shape, 3),
-        np.array(gradients).reshape(shape),
-    )
+    left = _Pairs(pairs.edges[kept], pairs.weights[kept])
+    return left, np.array(blocks).reshape(-1, 3, 3), np.array(gradients).reshape(-1, 3)
 
 
 def _covariance(edges: npt.NDArray[np.intp], H: Array, T: Array, config: JointRefinementConfig) -> Array:

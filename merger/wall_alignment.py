@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from merger import se2
-from merger.alignment_kernel import refine_motions, sum_equations
+from merger.alignment_kernel import refine_motions, sum_equations, sum_gaps
 from merger.wall_structure import WallStructure
 
 Array = npt.NDArray[np.float64]
@@ -104,6 +104,11 @@ def wall_equations(target: WallStructure, source: WallStructure, T: Array, cutof
     views = target.view(_EQUATION_POINTS), source.view(_EQUATION_POINTS)
     A, b = sum_equations(T[None], *views, cutoff_m)
     return A[0], b[0]
+
+
+def wall_gaps(target: WallStructure, source: WallStructure, T: Array, cutoff_m: float) -> tuple[float, float]:
+    """How far walls that meet are apart under T, (3, 3) between the frames ``field`` (see `sum_gaps`)."""
+    return sum_gaps(T, target.view(_EQUATION_POINTS), source.view(_EQUATION_POINTS), cutoff_m)
 
 
 def motion_information(

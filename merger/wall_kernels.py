@@ -16,18 +16,35 @@ NUM_SUMS = 8
 
 
 class Walls(NamedTuple):
-    """Wall points of one map, frame ``field``."""
+    """Wall points of one map, frame ``field``; each quantity lies in rows of one table, so that look-ups are fast."""
 
-    points: Array
-    """(N, 2) places, metres."""
-    normals: Array
-    """(N, 2) unit normals, sign arbitrary."""
-    facing: Array
-    """(N, 2) direction to the free side, of length 0 (free all round, or nowhere) to 1 (one side wholly free)."""
-    linearity: Array
-    """(N,) 0..1: how much the wall about a point is a line, 0 for a lone point or a corner."""
-    lengths_m: Array
-    """(N,) wall length that each point stands for, metres."""
+    table: Array
+    """(8, N) x and y of the places, normals and facings, then linearity and length."""
+
+    @property
+    def points(self) -> Array:
+        """(N, 2) places, metres."""
+        return self.table[0:2].T
+
+    @property
+    def normals(self) -> Array:
+        """(N, 2) unit normals, sign arbitrary."""
+        return self.table[2:4].T
+
+    @property
+    def facing(self) -> Array:
+        """(N, 2) direction to the free side, of length 0 (free all round, or nowhere) to 1 (one side wholly free)."""
+        return self.table[4:6].T
+
+    @property
+    def linearity(self) -> Array:
+        """(N,) 0..1: how much the wall about a point is a line, 0 for a lone point or a corner."""
+        return np.asarray(self.table[6])
+
+    @property
+    def lengths_m(self) -> Array:
+        """(N,) wall length that each point stands for, metres."""
+        return np.asarray(self.table[7])
 
 
 class Fields(NamedTuple):
@@ -158,14 +175,19 @@ def move_points(T: Array, points: Array) -> tuple[Array, Array]:
 def find_cells(x: Array, y: Array, fields: Fields) -> Numbers:
     """Flat number of the cell that holds each place; outside, of an outermost cell."""
     rows, cols = fields.state.shape
-    col = np.clip(x * (1.0 / fields.resolution_m), 0.0, cols - 1.0).astype(np.intp)
-    row = np.clip(y * (1.0 / fields.resolution_m), 0.0, rows - 1.0).astype(np.intp)
-    return np.asarray(row * cols + col)
+    col, row = x * (1.0 / fields.resolution_m), y * (1.0 / fields.resolution_m)
+    for places, count in ((col, cols), (row, rows)):
+        np.maximum(places, 0.0, out=places)
+        np.minimum(places, count - 1.0, out=places)
+    cells = row.astype(np.intp)
+    cells *= cols
+    cells += col.astype(np.intp)
+    return cells
 
 
 def distances_of(fields: Fields, cells: Numbers) -> Array:
     """Distance of flat cells to the nearest wall, metres; in double precision, as limits are."""
-    return fields.distance_m.ravel()[cells].astype(np.float64)
+    return fields.distance_m.ravel().take(cells).astype(np.float64)
 
 
 def turned_product(c: Array, s: Array, ax: Array, ay: Array, bx: Array, by: Array) -> Array:  # noqa: PLR0917

@@ -89,8 +89,9 @@ class WallStructure:
         """About ``count`` of the wall points, taken evenly, whose lengths have the same sum; None: all."""
         step = max(1, round(len(self.walls.points) / count)) if count else 1
         if step not in self._samples:
-            thinned = Walls(*(np.ascontiguousarray(array[::step]) for array in self.walls))
-            self._samples[step] = thinned._replace(lengths_m=thinned.lengths_m * step)
+            thinned = Walls(self.walls.table[:, ::step].copy())
+            thinned.lengths_m[:] *= step
+            self._samples[step] = thinned
         return self._samples[step]
 
     def view(self, count: int | None) -> View:
@@ -131,7 +132,7 @@ def extract_structure(grid: GridMap, config: WallStructureConfig) -> WallStructu
     points, normals, linearity, facing = _join(cells, normals, linearity, facing, group)
     distance_m, nearest = _nearest_fields(surface, rows, cols, group, grid.resolution_m)
     lengths_m = _lengths(points, max(config.metre_m, grid.resolution_m)) * _group_max(support, group)
-    walls = Walls(points, normals, facing, linearity, lengths_m)
+    walls = Walls(np.vstack([points.T, normals.T, facing.T, linearity, lengths_m]))
     fields = Fields(distance_m, nearest, state, grid.resolution_m)
     free_points, free_point_m2 = _sample_free(state, grid.resolution_m, config.free_spacing_m)
     T_grid_field = se2.make_motion(-pad * grid.resolution_m, -pad * grid.resolution_m, 0.0)
