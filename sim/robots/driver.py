@@ -1,13 +1,14 @@
 """One robot at work: it drives from place to place along its tour, and out of others' way when asked to."""
 
+import math
 from enum import Enum
 
 import numpy as np
 import numpy.typing as npt
 
 from sim.robots.errands import Errands
-from sim.robots.path_following import PathFollower
-from sim.robots.robot import Robot
+from sim.robots.path_following import CREEP_MPS, PathFollower
+from sim.robots.robot import Robot, RobotConfig
 from sim.robots.routing import Router
 
 Array = npt.NDArray[np.float64]
@@ -64,7 +65,7 @@ class Driver:
             return
         limits = self.robot.config
         spare_m = self._router.clearance_at(pose[0], pose[1]) - limits.radius_m
-        speed, turn = self._follower.steer(pose, spare_m, limits.max_speed_mps)
+        speed, turn = self._follower.steer(pose, spare_m, _top_speed(limits, spare_m))
         turn = min(max(turn, -limits.max_turn_radps), limits.max_turn_radps)
         self.robot.drive(min(speed, limits.max_speed_mps), turn, step_s)
         self._watch(pose, now_s)
@@ -111,3 +112,8 @@ class Driver:
             self._tries += 1
             if self._tries > 1 or not self.resume():
                 self.skip_goal()
+
+
+def _top_speed(limits: RobotConfig, spare_m: float) -> float:
+    """The speed, m/s, from which a robot stops before it touches anything, wherever it is heading."""
+    return min(limits.max_speed_mps, CREEP_MPS + math.sqrt(2.0 * limits.acceleration_mps2 * max(spare_m, 0.0)))

@@ -16,7 +16,7 @@ _SEARCH_AHEAD = 12
 _TURN_ON_SPOT_RAD = 0.9
 _TURN_GAIN = 2.5
 _ARRIVED_M = 0.15
-_CREEP_MPS = 0.12
+CREEP_MPS = 0.12
 """Speed that is always allowed."""
 _BRAKING_MPS2 = 0.5
 
@@ -70,8 +70,8 @@ class PathFollower:
         if abs(error) > _TURN_ON_SPOT_RAD:
             return 0.0, _TURN_GAIN * error
         left_m = 0.1 * (self.num_points_left - 1) + away if self.num_points_left < 10 else 10.0
-        limit = min(max_speed_mps, _CREEP_MPS + 1.5 * max(spare_m, 0.0), math.sqrt(2.0 * _BRAKING_MPS2 * left_m))
-        speed = max(limit * math.cos(error) ** 2, _CREEP_MPS)
+        limit = min(max_speed_mps, CREEP_MPS + 1.5 * max(spare_m, 0.0), math.sqrt(2.0 * _BRAKING_MPS2 * left_m))
+        speed = max(limit * math.cos(error) ** 2, CREEP_MPS)
         return speed, 2.0 * speed * math.sin(error) / max(away, 0.2)
 
     def _advance(self, x: float, y: float) -> None:

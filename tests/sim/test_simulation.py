@@ -64,6 +64,15 @@ def test_no_robot_ever_touches_a_surface(run: tuple[World, Simulation]) -> None:
         assert surfaces.query(inside)[0].min() > RADIUS_M - 1e-4
 
 
+@pytest.mark.parametrize("acceleration_mps2", [0.05, 0.3])
+def test_a_fast_robot_with_weak_brakes_touches_no_surface_either(acceleration_mps2: float) -> None:
+    world, robot = read_world("tim"), RobotConfig(max_speed_mps=3.0, acceleration_mps2=acceleration_mps2)
+    simulation = drive(world, DriveConfig(robot=robot, duration_s=60.0), 2, 0.2, 0)
+    places = simulation.moving.positions_m.reshape(-1, 2)
+    assert cKDTree(sample_segments(world.segments, 0.01)).query(places)[0].min() > RADIUS_M - 1e-4
+    assert np.hypot(*np.ptp(positions(simulation, 0), axis=0)) > 5.0
+
+
 def test_no_robot_ever_touches_another(run: tuple[World, Simulation]) -> None:
     steps = run[1].moving.positions_m
     for a, b in ((0, 1), (0, 2), (1, 2)):
