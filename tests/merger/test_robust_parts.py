@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from merger import robust_averaging, se2
+from merger.consensus import ConsensusConfig
+from merger.cycles import CycleConfig
 from merger.dense_search import CoarseMap, DenseSearchConfig, coarsen, search_motions
 from merger.grid_map import GridMap
 from merger.joint_refinement import JointRefinementConfig, refine_jointly
@@ -214,6 +216,10 @@ def test_a_motion_is_more_probable_with_more_agreement_less_conflict_and_no_riva
         lambda: WallStructureConfig(spacing_m=-1.0),
         lambda: VerificationConfig(far_m=0.01),
         lambda: ProbabilityConfig(coefficients=(1.0,)),
+        lambda: CycleConfig(reach_m=0.0),
+        lambda: CycleConfig(min_own_m=-1.0),
+        lambda: ConsensusConfig(cycle_log_odds=-1.0),
+        lambda: ConsensusConfig(cycle_log_odds=10.0),
         lambda: RobustAveragingConfig(annealing=1.0),
         lambda: JointRefinementConfig(cutoffs_m=()),
     ],
