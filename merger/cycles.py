@@ -32,7 +32,7 @@ class CycleConfig:
     voice_log_odds: float = 0.0
     """Motions of two maps at least so probable close cycles."""
     reach_m: float = 0.5
-    """Walls farther than this, or up to twice as far, from those of another way are a way's own, metres, > 0."""
+    """Walls farther than this from those of another way are a way's own, metres, > 0."""
     min_own_m: float = 1.5
     """Agreeing wall of its own that each way needs, metres, > 0."""
 
@@ -125,18 +125,10 @@ def _agree(at: WallStructure, to: WallStructure, T_at_to: Array, relations: Rela
 
 
 def _has_own(walls: AgreeingWalls, other: AgreeingWalls, config: CycleConfig) -> bool:
-    """Whether enough wall is out of another way's reach: in no square with some of its wall, nor beside one."""
-    steps = np.array([(col, row) for col in (-1, 0, 1) for row in (-1, 0, 1)])
-    reached = (_squares(other.points, config.reach_m)[:, None] + steps).reshape(-1, 2)
-    own = ~np.isin(_numbers(_squares(walls.points, config.reach_m)), _numbers(reached))
-    return float(walls.lengths_m[own].sum()) >= config.min_own_m
+    """Whether enough wall is out of another way's reach."""
+    from scipy.spatial import cKDTree  # noqa: PLC0415 # slow to import, and most merges need no cycle
 
-
-def _squares(points: Array, side_m: float) -> npt.NDArray[np.int64]:
-    """(N, 2) column and row of the square that holds each point."""
-    return np.floor(points / side_m).astype(np.int64)
-
-
-def _numbers(squares: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """(N,) one number for each (column, row)."""
-    return squares[:, 0] * (1 << 32) + squares[:, 1]
+    if min(len(walls.points), len(other.points)) == 0:
+        return float(walls.lengths_m.sum()) >= config.min_own_m
+    distance_m, _ = cKDTree(other.points).query(walls.points, distance_upper_bound=config.reach_m)
+    return float(walls.lengths_m[np.isinf(distance_m)].sum()) >= config.min_own_m
