@@ -1,5 +1,6 @@
 """The hot loop of the alignment: walls pull the walls near them onto themselves, in both directions at once."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -89,25 +90,37 @@ def sum_equations(T: Array, target: View, source: View, cutoff_m: float) -> tupl
     return A + J_T @ A_source @ J, b + (J_T @ b_source[:, :, None])[:, :, 0]
 
 
-def sum_gaps(T: Array, target: View, source: View, cutoff_m: float) -> tuple[float, float]:
-    """How far walls that meet are apart across themselves, in both directions.
+def sum_equations_onto(T: Array, walls: Sequence[Walls], other: View, cutoff_m: Array) -> tuple[Array, Array]:
+    """Normal equations ``A v = b`` of the walls of several maps on one other map, for ``exp(v) @ T``.
 
     Args:
-        T: (3, 3) motion ``T_target_source`` between the frames ``field``.
-        target: The map that stays.
-        source: The map that moves.
-        cutoff_m: Walls farther apart do not meet, metres.
+        T: (K, 3, 3) motions of the K maps into the other, frames ``field``.
+        walls: Their walls.
+        other: The other map.
+        cutoff_m: (K,) walls farther apart have no say, metres.
 
     Returns:
-        Sums over the walls of weight times squared distance, m^3, and of the weights, metres.
+        (K, 3, 3) A and (K, 3) b of this one direction; weights are metres of wall.
     """
-    squares, weights = 0.0, 0.0
-    for T_to_at, at, to in ((T, source, target), (se2.invert(T), target, source)):
-        met = _meet(T_to_at[None], at.sample, to, cutoff_m)
-        gaps = ((met.place - met.foot) * met.normal).sum(axis=0)
-        squares += float(met.across @ gaps**2)
-        weights += float(met.across.sum())
-    return squares, weights
+    return _accumulate(_meet_many(T, walls, other, cutoff_m), len(T), at_wall=False)
+
+
+def sum_gaps_onto(T: Array, walls: Sequence[Walls], other: View, cutoff_m: Array) -> tuple[Array, Array]:
+    """How far the walls of several maps are from those of one other map, across these.
+
+    Args:
+        T: See `sum_equations_onto`.
+        walls: See `sum_equations_onto`.
+        other: See `sum_equations_onto`.
+        cutoff_m: (K,) walls farther apart do not meet, metres.
+
+    Returns:
+        (K,) sums of weight times squared distance, m^3, and (K,) of the weights, metres.
+    """
+    met = _meet_many(T, walls, other, cutoff_m)
+    gaps = ((met.place - met.foot) * met.normal).sum(axis=0)
+    squares, weights = (np.bincount(met.motion, values, len(T)) for values in (met.across * gaps**2, met.across))
+    return squares.astype(np.float64), weights.astype(np.float64)
 
 
 def _meet(T: Array, walls: Walls, other: View, cutoff_m: float) -> _Meetings:
@@ -117,8 +130,30 @@ def _meet(T: Array, walls: Walls, other: View, cutoff_m: float) -> _Meetings:
     near = np.flatnonzero(distances_of(other.fields, cells) < cutoff_m)
     motion, point = split_numbers(near, len(walls.points))
     met = other.walls.table.take(other.fields.nearest.ravel().take(cells.take(near)), axis=1)
-    own = walls.table.take(point, axis=1)
     place = np.stack([x.take(near), y.take(near)])
+    return _weigh(T, motion, place, (walls.table.take(point, axis=1), met), cutoff_m)
+
+
+def _meet_many(T: Array, walls: Sequence[Walls], other: View, cutoff_m: Array) -> _Meetings:
+    """The same for K maps, each moved by its own motion, with its own cut-off: in one call on long arrays."""
+    motion = np.repeat(np.arange(len(T)), [len(item.lengths_m) for item in walls])
+    table = np.concatenate([item.table for item in walls], axis=1)
+    x, y = (
+        row[0].take(motion) * table[0] + row[1].take(motion) * table[1] + row[2].take(motion)
+        for row in T[:, :2].transpose(1, 2, 0)
+    )
+    cells = find_cells(x, y, other.fields)
+    near = np.flatnonzero(distances_of(other.fields, cells) < cutoff_m.take(motion))
+    met = other.walls.table.take(other.fields.nearest.ravel().take(cells.take(near)), axis=1)
+    place, motion = np.stack([x.take(near), y.take(near)]), motion.take(near)
+    return _weigh(T, motion, place, (table.take(near, axis=1), met), cutoff_m.take(motion))
+
+
+def _weigh(
+    T: Array, motion: npt.NDArray[np.intp], place: Array, tables: tuple[Array, Array], cutoff_m: Array | float
+) -> _Meetings:
+    """Weigh (M,) walls at ``place`` by those they meet, given the tables of both (see `Walls`)."""
+    own, met = tables
     c, s = T[0, :2, 0] if len(T) == 1 else T[:, :2, 0].T.take(motion, axis=1)
     facing = turned_product(c, s, own[4], own[5], met[4], met[5])
     same = np.abs(turned_product(c, s, own[2], own[3], met[2], met[3]))

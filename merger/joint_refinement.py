@@ -7,7 +7,7 @@ the multi-view registration of [Zhu14], with the residuals of `wall_alignment`, 
 [Barzilai 1988], since thick walls that overlap pull too little.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple
@@ -16,8 +16,9 @@ import numpy as np
 import numpy.typing as npt
 
 from merger import se2
+from merger.alignment_kernel import sum_equations_onto, sum_gaps_onto
 from merger.robust_averaging import solve_blocks
-from merger.wall_alignment import wall_equations, wall_gaps
+from merger.wall_kernels import View, Walls
 from merger.wall_structure import WallStructure
 
 Array = npt.NDArray[np.float64]
@@ -48,6 +49,8 @@ class JointRefinementConfig:
     """A pair counts by this power of the inverse of how far its walls are apart, >= 0."""
     prior_m: float = 5.0
     """So many metres of wall that are as far apart as all pairs' walls are added to each pair's own, > 0."""
+    num_points: int = 2000
+    """Wall points of each map that are compared, at least 10."""
     min_overlap_m: float = 1.0
     """Pairs with less agreeing wall are left out, metres, > 0."""
     tolerance: float = 1e-4
@@ -65,6 +68,8 @@ class JointRefinementConfig:
         for name in (*lengths, "tolerance", "metre_variance_m3", "independent_m"):
             if not getattr(self, name) > 0.0:
                 raise ValueError(f"{name} must be > 0, got {getattr(self, name)}")
+        if self.num_points < 10:
+            raise ValueError(f"num_points must be >= 10, got {self.num_points}")
         for name in ("num_last_steps", "closeness"):
             if not getattr(self, name) >= 0:
                 raise ValueError(f"{name} must be >= 0, got {getattr(self, name)}")
@@ -87,6 +92,25 @@ class _Pairs(NamedTuple):
     """(E, 2) maps (i, j)."""
     weights: Array
     """(E,) how much each counts."""
+
+
+class _Neighbourhood(NamedTuple):
+    """One map, and all that it is compared with."""
+
+    number: int
+    """Its number."""
+    owner: View
+    """The map itself, onto which the others are laid."""
+    numbers: npt.NDArray[np.intp]
+    """(K,) numbers of its pairs."""
+    sign: Array
+    """(K,) 1 where it is the first map of the pair, -1 where it is the second one."""
+    T_owner_partner: Array
+    """(K, 3, 3) motions of the other maps onto it, frames ``field``."""
+    walls: list[Walls]
+    """Their walls."""
+    least_cutoff_m: Array
+    """(K,) below which no cut-off is, metres."""
 
 
 def refine_jointly(
@@ -145,11 +169,12 @@ def _weigh_pairs(structures: Sequence[WallStructure], T: Array, pairs: _Pairs, c
     """Let pairs count by how closely their walls agree; the median counts 1."""
     if len(pairs.edges) == 0:
         return pairs
-    gaps = [
-        wall_gaps(structures[i], structures[j], se2.invert(T[i]) @ T[j], config.gap_cutoff_m)
-        for i, j in pairs.edges.tolist()
-    ]
-    squares, lengths_m = np.array(gaps).T
+    squares, lengths_m = np.zeros(len(pairs.edges)), np.zeros(len(pairs.edges))
+    for near in _neighbourhoods(structures, T, pairs.edges, config):
+        cutoffs_m = np.full(len(near.numbers), config.gap_cutoff_m)
+        squared, met_m = sum_gaps_onto(near.T_owner_partner, near.walls, near.owner, cutoffs_m)
+        squares[near.numbers] += squared
+        lengths_m[near.numbers] += met_m
     mean = max(float(squares.sum() / max(lengths_m.sum(), 1e-9)), 1e-12)
     apart = np.sqrt((squares / mean + config.prior_m) / (lengths_m + config.prior_m))
     weights = apart**-config.closeness
@@ -160,19 +185,35 @@ def _equations(
     structures: Sequence[WallStructure], T: Array, pairs: _Pairs, cutoff_m: float, config: JointRefinementConfig
 ) -> tuple[_Pairs, Array, Array]:
     """Pairs that overlap, with their blocks for the steps ``exp(v_i) @ T_root_field``, not yet weighted."""
-    kept, blocks, gradients = [], [], []
-    for number, (i, j) in enumerate(pairs.edges.tolist()):
-        cell_m = max(structures[i].fields.resolution_m, structures[j].fields.resolution_m)
-        least_m = config.least_cutoff_cells * cell_m
-        A, b = wall_equations(structures[i], structures[j], se2.invert(T[i]) @ T[j], max(cutoff_m, least_m))
-        if A[0, 0] + A[1, 1] < config.min_overlap_m:
-            continue
-        J = se2.adjoint(se2.invert(T[i]))
-        kept.append(number)
-        blocks.append(J.T @ A @ J)
-        gradients.append(-J.T @ b)
-    left = _Pairs(pairs.edges[kept], pairs.weights[kept])
-    return left, np.array(blocks).reshape(-1, 3, 3), np.array(gradients).reshape(-1, 3)
+    H, g = np.zeros((len(pairs.edges), 3, 3)), np.zeros((len(pairs.edges), 3))
+    for near in _neighbourhoods(structures, T, pairs.edges, config):
+        cutoffs_m = np.maximum(cutoff_m, near.least_cutoff_m)
+        A, b = sum_equations_onto(near.T_owner_partner, near.walls, near.owner, cutoffs_m)
+        J = se2.adjoint(se2.invert(T[near.number]))
+        H[near.numbers] += J.T @ A @ J
+        g[near.numbers] -= near.sign[:, None] * (b @ J)
+    kept = H[:, 0, 0] + H[:, 1, 1] >= config.min_overlap_m
+    return _Pairs(pairs.edges[kept], pairs.weights[kept]), H[kept], g[kept]
+
+
+def _neighbourhoods(
+    structures: Sequence[WallStructure], T: Array, edges: npt.NDArray[np.intp], config: JointRefinementConfig
+) -> Iterator[_Neighbourhood]:
+    """Every map that has partners, with them."""
+    cells_m = np.array([item.fields.resolution_m for item in structures])
+    for owner, structure in enumerate(structures):
+        numbers = np.flatnonzero((edges == owner).any(axis=1))
+        partners = edges[numbers].sum(axis=1) - owner
+        if len(partners):
+            yield _Neighbourhood(
+                owner,
+                structure.view(config.num_points),
+                numbers,
+                np.where(edges[numbers, 0] == owner, 1.0, -1.0),
+                se2.invert(T[owner]) @ T[partners],
+                [structures[k].sample(config.num_points) for k in partners],
+                config.least_cutoff_cells * np.maximum(cells_m[owner], cells_m[partners]),
+            )
 
 
 def _covariance(edges: npt.NDArray[np.intp], H: Array, T: Array, config: JointRefinementConfig) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from merger import se2
-from merger.alignment_kernel import refine_motions, sum_equations, sum_gaps
+from merger.alignment_kernel import refine_motions, sum_equations
 from merger.wall_structure import WallStructure
 
 Array = npt.NDArray[np.float64]
@@ -93,24 +93,6 @@ def field_motion(target: WallStructure, source: WallStructure, T_target_source: 
     return np.asarray(target.T_field_map @ T_target_source @ source.T_map_field)
 
 
-def wall_equations(target: WallStructure, source: WallStructure, T: Array, cutoff_m: float) -> tuple[Array, Array]:
-    """Normal equations ``A v = b`` of both directions, for ``exp(v) @ T`` with T (3, 3) between the frames ``field``.
-
-    Returns:
-        (3, 3) A and (3,) b; weights are metres of wall.
-    """
-    if len(target.walls.points) == 0 or len(source.walls.points) == 0:
-        return np.zeros((3, 3)), np.zeros(3)
-    views = target.view(_EQUATION_POINTS), source.view(_EQUATION_POINTS)
-    A, b = sum_equations(T[None], *views, cutoff_m)
-    return A[0], b[0]
-
-
-def wall_gaps(target: WallStructure, source: WallStructure, T: Array, cutoff_m: float) -> tuple[float, float]:
-    """How far walls that meet are apart under T, (3, 3) between the frames ``field`` (see `sum_gaps`)."""
-    return sum_gaps(T, target.view(_EQUATION_POINTS), source.view(_EQUATION_POINTS), cutoff_m)
-
-
 def motion_information(
     target: WallStructure, source: WallStructure, T_target_source: Array, metre_variance_m3: float
 ) -> Array:
@@ -126,6 +108,19 @@ def motion_information(
         (3, 3) information of ``v = (x, y, theta)`` in ``T_target_source @ exp(v)``: 1/m^2, 1/(m rad), 1/rad^2.
     """
     T = field_motion(target, source, T_target_source)
-    A, _ = wall_equations(target, source, T, _INFORMATION_CUTOFF_M)
+    A, _ = _wall_equations(target, source, T, _INFORMATION_CUTOFF_M)
     J = se2.adjoint(T @ se2.invert(source.T_map_field))
     return np.asarray(J.T @ A @ J / metre_variance_m3)
+
+
+def _wall_equations(target: WallStructure, source: WallStructure, T: Array, cutoff_m: float) -> tuple[Array, Array]:
+    """Normal equations ``A v = b`` of both directions, for ``exp(v) @ T`` with T (3, 3) between the frames ``field``.
+
+    Returns:
+        (3, 3) A and (3,) b; weights are metres of wall.
+    """
+    if len(target.walls.points) == 0 or len(source.walls.points) == 0:
+        return np.zeros((3, 3)), np.zeros(3)
+    views = target.view(_EQUATION_POINTS), source.view(_EQUATION_POINTS)
+    A, b = sum_equations(T[None], *views, cutoff_m)
+    return A[0], b[0]
