@@ -1,5 +1,6 @@
 """A dataset: made from a config, and read back."""
 
+import functools
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -85,25 +86,25 @@ def _cut(config: SimConfig, runs: Sequence[RobotRun]) -> list[SubmapCut]:
     """By the share of scans, or by the overlap that is measured in the maps."""
     count, target = num_submaps(config), config.submaps.measured_overlap
     if target is not None:
-        return find_cuts(runs, count, target, config.mapping.occupancy)
+        return find_cuts(runs, count, target, config.mapping.occupancy, functools.partial(_map_submap, config, runs))
     return cut_submaps([run.num_scans for run in runs], count, config.submaps.overlap)
+
+
+def _map_submap(config: SimConfig, runs: Sequence[RobotRun], index: int, cut: SubmapCut) -> SubmapResult:
+    """One submap in a frame of its own."""
+    mapping = replace(config.mapping, estimation=expect_odometry(config.mapping.estimation, config.odometry))
+    frame = draw_submap_frame(config.submaps, make_stream(config.seed, Purpose.SUBMAP_FRAME, index))
+    return map_submap(runs[cut.robot], cut.start, cut.stop, mapping, name=cut.name, T_map_first=frame)
 
 
 def _map_submaps(
     config: SimConfig, runs: Sequence[RobotRun], cuts: Sequence[SubmapCut], workers: int, report: Progress
 ) -> list[SubmapResult]:
-    """Each submap in a frame of its own; threads, since the kernels let others run meanwhile."""
-    mapping = replace(config.mapping, estimation=expect_odometry(config.mapping.estimation, config.odometry))
-
-    def make(index: int) -> SubmapResult:
-        cut = cuts[index]
-        frame = draw_submap_frame(config.submaps, make_stream(config.seed, Purpose.SUBMAP_FRAME, index))
-        return map_submap(runs[cut.robot], cut.start, cut.stop, mapping, name=cut.name, T_map_first=frame)
-
+    """Every submap; in threads, since the kernels let others run meanwhile."""
     submaps = []
     report("submaps", 0, len(cuts))
     with ThreadPoolExecutor(workers) as pool:
-        for submap in pool.map(make, range(len(cuts))):
+        for submap in pool.map(functools.partial(_map_submap, config, runs), range(len(cuts)), cuts):
             submaps.append(submap)
             report("submaps", len(submaps), len(cuts))
     return submaps

@@ -20,7 +20,8 @@ class SubmapsConfig:
     overlap: float = 0.3
     """Share of its scans that a submap has in common with the next one of its robot, in [0, 0.9]."""
     measured_overlap: float | None = None
-    """In place of ``overlap``: the share of walls that neighbouring submaps are to have in common, in (0, 1)."""
+    """In place of ``overlap``: the share of walls that every two neighbouring submaps are to have in common, in (0, 1);
+    see `sim.maps.overlap_search`."""
     shift_m: float = 10.0
     """A submap's frame is shifted from its first pose by up to this, along x and y, at random; at least 0."""
     turn_deg: float = 180.0
