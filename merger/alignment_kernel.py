@@ -172,14 +172,13 @@ def _accumulate(met: _Meetings, count: int, at_wall: bool) -> tuple[Array, Array
     """
     (px, py), (nx, ny) = met.foot if at_wall else met.place, met.normal
     dx, dy = met.foot - met.place if at_wall else met.place - met.foot
-    across = np.stack([nx, ny, ny * px - nx * py, dx * nx + dy * ny])
-    along = np.stack([-ny, nx, nx * px + ny * py, dy * nx - dx * ny])
-    sums = np.zeros((count, 4, 4))
-    ends = np.searchsorted(met.motion, np.arange(count + 1)).tolist()
-    for rows, weights in ((across, met.across), (along, met.along)):
-        weighted = rows * weights
-        for k, (start, end) in enumerate(pairwise(ends)):
-            sums[k] += rows[:, start:end] @ weighted[:, start:end].T
+    rows = np.empty((4, len(nx), 2))  # each wall's residual across and, beside it, the one along
+    rows[0, :, 0], rows[1, :, 0], rows[2, :, 0], rows[3, :, 0] = nx, ny, ny * px - nx * py, dx * nx + dy * ny
+    rows[0, :, 1], rows[1, :, 1], rows[2, :, 1], rows[3, :, 1] = -ny, nx, nx * px + ny * py, dy * nx - dx * ny
+    weighted = (rows * np.stack([met.across, met.along], axis=-1)).reshape(4, -1)
+    flat = rows.reshape(4, -1)
+    ends = (2 * np.searchsorted(met.motion, np.arange(count + 1))).tolist()
+    sums = np.array([flat[:, start:end] @ weighted[:, start:end].T for start, end in pairwise(ends)])
     return sums[:, :3, :3], -sums[:, :3, 3]
 
 

@@ -1,6 +1,6 @@
 """Hot loops of the robust method: how the walls of one map fall onto another, in few calls on long arrays."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -93,17 +93,16 @@ def compare_walls(  # noqa: PLR0917 # the limits of `VerificationConfig`, in its
     x, y = move_points(T[None], walls.points)
     cells = find_cells(x[0], y[0], fields)
     distance = distances_of(fields, cells)
-    state = fields.state.ravel()[cells]
+    state = fields.state.ravel().take(cells)
     conflict = walls.lengths_m[(state == FREE) & (distance > far_m)].sum()
     loose = walls.lengths_m[(state != UNKNOWN) & (distance > near_m) & (distance <= far_m)].sum()
     near = np.flatnonzero(distance <= near_m)
-    f, g = walls.facing[near], to.facing[fields.nearest.ravel()[cells[near]]]
-    opposed = turned_product(T[0, 0], T[1, 0], f[:, 0], f[:, 1], g[:, 0], g[:, 1]) < -facing
+    opposed = _are_opposed(T, walls, to, near, fields.nearest.ravel().take(cells.take(near)), facing)
     opposed_m = walls.lengths_m[near[opposed]].sum()
     same = near[~opposed]
-    length, line, n = walls.lengths_m[same], walls.linearity[same], walls.normals[same]
+    n, (line, length) = walls.table[2:4].take(same, axis=1), walls.table[6:].take(same, axis=1)
     tight = (length * np.exp(-0.5 * (distance[same] / tight_m) ** 2)).sum()
-    xx, xy, _, yy = np.einsum("i,ij,ik->jk", length * line, n, n).ravel()
+    xx, xy, _, yy = (n * (length * line) @ n.T).ravel()
     blunt = 0.5 * (length * (1.0 - line)).sum()
     return np.array([length.sum(), opposed_m, conflict, loose, tight, xx + blunt, xy, yy + blunt])
 
@@ -113,8 +112,15 @@ def find_agreeing(T: Array, walls: Walls, to: Walls, fields: Fields, near_m: flo
     x, y = move_points(T[None], walls.points)
     cells = find_cells(x[0], y[0], fields)
     near = np.flatnonzero(distances_of(fields, cells) <= near_m)
-    f, g = walls.facing[near], to.facing[fields.nearest.ravel()[cells[near]]]
-    return near[turned_product(T[0, 0], T[1, 0], f[:, 0], f[:, 1], g[:, 0], g[:, 1]) >= -facing]
+    return near[~_are_opposed(T, walls, to, near, fields.nearest.ravel().take(cells.take(near)), facing)]
+
+
+def _are_opposed(  # noqa: PLR0917 # what both callers have at hand
+    T: Array, walls: Walls, to: Walls, near: Numbers, met: npt.NDArray[np.int32], facing: float
+) -> npt.NDArray[np.bool_]:
+    """(M,) whether walls, by number, and the walls they meet are opposite faces."""
+    f, g = walls.table[4:6].take(near, axis=1), to.table[4:6].take(met, axis=1)
+    return turned_product(T[0, 0], T[1, 0], *f, *g) < -facing
 
 
 def score_walls(  # noqa: PLR0917 # the limits of `VerificationConfig`, in its order
@@ -137,11 +143,12 @@ def score_walls(  # noqa: PLR0917 # the limits of `VerificationConfig`, in its o
     x, y = (values.ravel() for values in move_points(T, walls.points))
     cells = find_cells(x, y, fields)
     distance = distances_of(fields, cells)
-    conflict = np.where((fields.state.ravel()[cells] == FREE) & (distance > far_m), 1.0, 0.0).reshape(len(T), -1)
+    conflict = np.where((fields.state.ravel().take(cells) == FREE) & (distance > far_m), 1.0, 0.0).reshape(len(T), -1)
     near = np.flatnonzero(distance <= near_m)
     motion, point = split_numbers(near, len(walls.points))
-    sides = (*columns_of(walls.facing, point), *columns_of(to.facing, fields.nearest.ravel()[cells[near]]))
-    same = turned_product(T[:, 0, 0][motion], T[:, 1, 0][motion], *sides) >= -facing
+    met = fields.nearest.ravel().take(cells.take(near))
+    sides = (*walls.table[4:6].take(point, axis=1), *to.table[4:6].take(met, axis=1))
+    same = turned_product(*T[:, :2, 0].T.take(motion, axis=1), *sides) >= -facing
     agreeing_m = np.asarray(np.bincount(motion, walls.lengths_m[point] * same, len(T)), np.float64)
     return agreeing_m, np.einsum("ij,j", conflict, walls.lengths_m)
 
@@ -156,11 +163,6 @@ def split_numbers(numbers: Numbers, count: int) -> tuple[Numbers, Numbers]:
     """Number of the motion and of the point, by the number of each among ``count`` points under each motion."""
     motion = numbers // count
     return motion, numbers - motion * count
-
-
-def columns_of(values: Array, index: npt.NDArray[np.integer[Any]]) -> tuple[Array, Array]:
-    """The two columns of (N, 2) values, each taken at (M,) numbers: faster than rows."""
-    return values[:, 0][index], values[:, 1][index]
 
 
 def move_points(T: Array, points: Array) -> tuple[Array, Array]:
