@@ -27,9 +27,9 @@ class JointAlignmentConfig:
         ValueError: a value is out of its range.
     """
 
-    num_iterations: int = 10
+    num_iterations: int = 6
     """Gauss-Newton steps."""
-    iterations_per_choice: int = 5
+    iterations_per_choice: int = 3
     """Steps after which the pairs are chosen anew."""
     num_before: int = 2
     """Each scan is compared with so many before it, however far."""
@@ -62,7 +62,7 @@ def align_scans(
     """Poses of all scans that fit together best, the first one kept.
 
     Args:
-        surfaces: (K, B, 4) ends and normals: `sim.maps.scan_surfaces.find_surfaces`.
+        surfaces: (K, B, 4) ends and normals: `sim.maps.scan_surfaces.fit_normals`.
         lidar: The lidar.
         T_map_lidar: (K, 3, 3) poses to start from.
         odometry: (K - 1, 3, 3) motions of the lidar from each scan to the next one, (K - 1, 2) their standard

@@ -13,7 +13,8 @@ import numpy.typing as npt
 from numba import njit
 
 from merger import se2
-from sim.maps.likelihood_field import BLOCK, draw_surfaces, refine_pose, search_pose
+from sim.maps.likelihood_field import BLOCK, draw_surfaces, search_pose
+from sim.maps.pose_refinement import refine_pose
 
 _GROWTH_CELLS = 32 * BLOCK
 _MIN_POINTS = 10

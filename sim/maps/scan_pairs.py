@@ -9,8 +9,8 @@ import math
 import numpy as np
 from numba import njit
 
-_NEIGHBOUR_BEAMS = 5
-"""Beams to each side among which the nearest end is looked for."""
+_NEIGHBOURS, _NEIGHBOUR_RAD = 5, math.radians(1.0)
+"""The nearest end is looked for among so many beams to each side, so far apart (or farther: neighbours)."""
 _POINTS = 90
 """About so many ends of a scan are put to another one's."""
 _SAME_SIDE_COS = 0.7
@@ -84,8 +84,11 @@ def _nearest_beam(scan, x, y, angles, max_distance_m):  # type: ignore[no-untype
     if turn * angles[1] < -0.5 * angles[1] * angles[1]:
         turn += math.copysign(2.0 * math.pi, angles[1])
     towards = int(turn / angles[1] + 0.5)
+    step = max(int(_NEIGHBOUR_RAD / abs(angles[1]) + 0.5), 1)
     best, found = max_distance_m * max_distance_m, -1
-    for beam in range(max(towards - _NEIGHBOUR_BEAMS, 0), min(towards + _NEIGHBOUR_BEAMS + 1, len(scan))):
+    for beam in range(towards - _NEIGHBOURS * step, towards + _NEIGHBOURS * step + 1, step):
+        if beam < 0 or beam >= len(scan):
+            continue
         off_x, off_y = x - scan[beam, 0], y - scan[beam, 1]
         distance = off_x * off_x + off_y * off_y
         if distance < best and scan[beam, 2] <= 1.0:

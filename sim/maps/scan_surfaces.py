@@ -14,8 +14,8 @@ _LINK_EXTRA_M = 0.05
 """... but for this, the noise of two ranges ..."""
 _LINK_MAX_M = 0.5
 """... and so do those that lie farther apart than this, a doorway's width."""
-_NORMAL_BEAMS = 5
-"""A normal is fitted to so many ends to each side ..."""
+_NORMAL_RAD = math.radians(5.0)
+"""A normal is fitted to the ends of the beams within this angle to each side ..."""
 _NORMAL_REACH_M = 0.4
 """... that lie within this distance."""
 
@@ -23,7 +23,7 @@ _NORMAL_REACH_M = 0.4
 def find_surfaces(
     ranges_m: npt.NDArray[np.float32], lidar: LidarSpec, max_range_m: float, motions: npt.NDArray[np.float64]
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
-    """The surfaces that scans see.
+    """The surfaces that scans see, without their normals (`fit_normals`).
 
     Args:
         ranges_m: (K, B) ranges, by REP 117.
@@ -32,16 +32,29 @@ def find_surfaces(
         motions: (K, 3) of the lidar from beam to beam: `sim.maps.scan_skew.motion_per_beam`.
 
     Returns:
-        (K, B, 4) ends of the beams and unit normals towards the lidar, frame ``lidar`` at a scan's first beam, metres:
-        NaN ends where a beam
-        has no usable return, NaN normals where an end stands alone; (K, B) whether an end and the next one bound the
-        same surface.
+        (K, B, 4) ends of the beams, frame ``lidar`` at a scan's first beam, metres: NaN where a beam has no usable
+        return, and in the two columns of the normals; (K, B) whether an end and the next one bound the same surface.
     """
     directions = np.stack([np.cos(lidar.angles_rad), np.sin(lidar.angles_rad)], axis=-1)
     surfaces = np.full((*ranges_m.shape, 4), np.nan)
     linked = np.zeros(ranges_m.shape, dtype=np.bool_)
     _find(ranges_m, (directions, motions), (abs(lidar.angle_increment_rad), max_range_m), surfaces, linked)
     return surfaces, linked
+
+
+def fit_normals(
+    surfaces: npt.NDArray[np.float64], linked: npt.NDArray[np.bool_], lidar: LidarSpec
+) -> npt.NDArray[np.float64]:
+    """(K, B, 4) ends and unit normals towards the lidar; NaN normals where an end stands alone.
+
+    Args:
+        surfaces: (K, B, 4) ends: `find_surfaces`.
+        linked: (K, B) which of them bound the same surface.
+        lidar: The lidar.
+    """
+    fitted = surfaces.copy()
+    _fit(fitted, linked, max(round(_NORMAL_RAD / abs(lidar.angle_increment_rad)), 1))
+    return fitted
 
 
 @njit(cache=True, nogil=True)
@@ -56,8 +69,6 @@ def _find(ranges_m, sweep, limits, surfaces, linked):  # type: ignore[no-untyped
             gap_m = math.hypot(points[b + 1, 0] - points[b, 0], points[b + 1, 1] - points[b, 1])
             widest_m = _LINK_STEPS * step_rad * min(ranges_m[s, b], ranges_m[s, b + 1]) + _LINK_EXTRA_M
             linked[s, b] = gap_m <= min(widest_m, _LINK_MAX_M)
-        for b in range(num_beams):
-            _fit_normal(points, linked[s], b)
 
 
 @njit(cache=True, nogil=True)
@@ -75,12 +86,19 @@ def _place_ends(ranges_m, sweep, max_range_m, points):  # type: ignore[no-untype
 
 
 @njit(cache=True, nogil=True)
-def _fit_normal(points, linked, b):  # type: ignore[no-untyped-def] # a kernel
+def _fit(surfaces, linked, num_beams):  # type: ignore[no-untyped-def] # a kernel
+    for s in range(len(surfaces)):
+        for b in range(surfaces.shape[1]):
+            _fit_normal(surfaces[s], linked[s], b, num_beams)
+
+
+@njit(cache=True, nogil=True)
+def _fit_normal(points, linked, b, num_beams):  # type: ignore[no-untyped-def] # a kernel
     """Unit normal of the line through an end and its neighbours on the same surface, towards the lidar."""
     count, sx, sy, sxx, sxy, syy = 1, 0.0, 0.0, 0.0, 0.0, 0.0
     for side in (-1, 1):
         k = b
-        for _ in range(_NORMAL_BEAMS):
+        for _ in range(num_beams):
             k += side
             if k < 0 or k >= len(points) or not linked[min(k, k - side)]:
                 break

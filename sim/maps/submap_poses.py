@@ -11,7 +11,7 @@ from merger import se2
 from sim.maps.joint_alignment import JointAlignmentConfig, align_scans
 from sim.maps.scan_matching import ScanMatcher, ScanMatchingConfig
 from sim.maps.scan_skew import motion_per_beam
-from sim.maps.scan_surfaces import find_surfaces
+from sim.maps.scan_surfaces import find_surfaces, fit_normals
 from sim.robot_run import LidarSpec, RobotRun
 from sim.sensors.odometry import OdometryConfig
 
@@ -86,7 +86,7 @@ def estimate_poses(run: RobotRun, start: int, stop: int, config: PoseEstimationC
     T_map_lidar = _match_in_turn(read_surfaces, T_odom_lidar, sigmas, config)
     if config.joint:
         keyframes = _choose_keyframes(T_map_lidar, config)
-        surfaces = np.concatenate([read_surfaces(k, k + 1)[0] for k in keyframes])
+        surfaces = np.concatenate([fit_normals(*read_surfaces(k, k + 1), run.lidar) for k in keyframes])
         T_map_lidar = _align_keyframes(run.lidar, surfaces, keyframes, (T_map_lidar, T_odom_lidar, sigmas), config)
     return np.asarray(T_robot_lidar @ T_map_lidar @ se2.invert(T_robot_lidar))
 

@@ -8,9 +8,10 @@ import pytest
 
 from merger import se2
 from sim.maps.joint_alignment import JointAlignmentConfig
-from sim.maps.likelihood_field import BLOCK, draw_surfaces, refine_pose, search_pose
+from sim.maps.likelihood_field import BLOCK, draw_surfaces, search_pose
+from sim.maps.pose_refinement import refine_pose
 from sim.maps.scan_matching import ScanMatchingConfig
-from sim.maps.scan_surfaces import find_surfaces
+from sim.maps.scan_surfaces import find_surfaces, fit_normals
 from sim.maps.submap_poses import PoseEstimationConfig, estimate_poses, expect_odometry
 from sim.robot_run import LidarSpec, RobotRun, Trajectory
 from sim.sensors.lidar import make_scene, scan_run
@@ -137,11 +138,24 @@ def test_normals_of_a_scan_stand_on_its_walls_and_point_to_the_lidar():
     with np.errstate(divide="ignore"):
         ranges = np.minimum(3.0 / np.cos(angles), 2.0 / np.abs(np.sin(angles))).astype(np.float32)
     ranges[40] = np.inf
-    surfaces, linked = find_surfaces(ranges[None], lidar, 20.0, np.zeros((1, 3)))
+    ends, linked = find_surfaces(ranges[None], lidar, 20.0, np.zeros((1, 3)))
+    surfaces = fit_normals(ends, linked, lidar)
+    assert np.isnan(ends[..., 2:]).all()
     assert np.isnan(surfaces[0, 40]).all()
     assert not linked[0, 39:41].any()
     np.testing.assert_allclose(surfaces[0, 85:95, 2:], np.tile([-1.0, 0.0], (10, 1)), atol=1e-5)
     np.testing.assert_allclose(surfaces[0, 5:20, 2:], np.tile([0.0, 1.0], (15, 1)), atol=1e-5)
+
+
+@pytest.mark.parametrize("step_deg", [1.0, 0.25])
+def test_normals_stand_noise_whether_beams_are_few_or_many(step_deg):
+    """Many beams lie close together: a normal by a fixed number of them is one of noise."""
+    lidar = LidarSpec(round(60.0 / step_deg), math.radians(-30.0), math.radians(step_deg), 0.05, 30.0)
+    noise = np.random.default_rng(2).normal(0.0, 0.02, (20, lidar.num_beams))
+    ranges = (3.0 / np.cos(lidar.angles_rad) + noise).astype(np.float32)
+    surfaces = fit_normals(*find_surfaces(ranges, lidar, 20.0, np.zeros((20, 3))), lidar)
+    off = np.arctan2(np.abs(surfaces[..., 3]), -surfaces[..., 2])
+    assert np.degrees(np.nanmedian(off)) < 3.0
 
 
 @pytest.mark.parametrize("seed", range(3))
