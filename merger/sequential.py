@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from merger import __version__, se2
+from merger import se2
 from merger.assembly import composite_largest, require_one_resolution
 from merger.compositing import composite_maps
 from merger.features import match_many
@@ -25,7 +25,8 @@ from merger.motion_modes import MotionMode, find_modes
 from merger.nearest_edges import EdgeIndex
 from merger.preparation import PreparedMap, prepare_map
 from merger.random_streams import make_rng
-from merger.result import MapPlacement, MergeResult, Objective, PairResult, PairStatus
+from merger.result import MergeResult, PairResult, PairStatus
+from merger.sequential_answer import assemble_steps, place_merged
 from merger.shrinking_icp import ShrinkingIcpResult, align_points
 from merger.stage_clock import StageClock
 
@@ -54,7 +55,7 @@ def merge_sequentially(maps: Sequence[GridMap], config: MergeConfig, progress: P
     Args:
         maps: The maps, in the order in which they are merged.
         config: Settings.
-        progress: Called after each map.
+        progress: Called when the compiler starts and ends, and after each map.
 
     Returns:
         One component of the maps that were merged, each other map alone with its reason. The pairs are the steps:
@@ -62,6 +63,7 @@ def merge_sequentially(maps: Sequence[GridMap], config: MergeConfig, progress: P
     """
     clock = StageClock()
     require_one_resolution(maps)
+    clock.run("pairs", _load_kernel, progress)
     merged, steps = maps[0], list[PairResult]()
     for number, source in enumerate(maps[1:], start=1):
         target = clock.run("features", _prepare, merged, config)
@@ -71,11 +73,21 @@ def merge_sequentially(maps: Sequence[GridMap], config: MergeConfig, progress: P
             merged = clock.run("compositing", _absorb, merged, source, step.T_target_source, config)
         steps.append(step)
         progress("maps", number, len(maps) - 1)
-    placements = _place(maps, steps, str(config.reference))
+    placements = place_merged(maps, steps, str(config.reference))
     ordered = sorted(maps, key=lambda grid: grid.name)
     picture = clock.run("compositing", composite_largest, ordered, placements, config)
-    result = _assemble(config, placements, steps, picture)
+    result = assemble_steps(config, placements, steps, picture)
     return replace(result, runtime_s=clock.read())
+
+
+def _load_kernel(progress: Progress) -> None:
+    """Compile, or load, the kernel of the modified RANSAC: a first run would else be silent for seconds."""
+    from merger.growth_kernel import grow_set  # noqa: PLC0415 # numba is slow to load
+
+    progress("compiler", 0, 1)
+    corners = np.array([[0.0, 0.0], [1.0, 0.0]])
+    grow_set(corners, corners, np.array([[0, 0], [1, 1]]), 0.1, 1.0)
+    progress("compiler", 1, 1)
 
 
 def merge_next(target: PreparedMap, source: PreparedMap, config: MergeConfig) -> PairResult:
@@ -147,55 +159,3 @@ def _absorb(merged: GridMap, source: GridMap, T_merged_source: _Array, config: M
     """The merged map with one more map in it, in the cells that it had."""
     motions = np.stack([np.eye(3), T_merged_source])
     return composite_maps([merged, source], motions, merged.T_map_grid, merged.resolution_m, config.compositing)
-
-
-def _place(maps: Sequence[GridMap], steps: Sequence[PairResult], reference: str) -> tuple[MapPlacement, ...]:
-    """Placements in the order of names: the merged maps in the reference's frame, the others alone."""
-    first = maps[0].name
-    fine = {step.source: step.T_target_source for step in steps if step.T_target_source is not None}
-    coarse = {step.source: step.T_target_source_initial for step in steps if step.T_target_source_initial is not None}
-    fine[first] = coarse[first] = np.eye(3)
-    group = sorted(fine)
-    root = reference if reference in fine else group[0]
-    if len(group) == 1:
-        return _place_nothing(maps, steps)
-    placements = [
-        MapPlacement(
-            name,
-            True,
-            0,
-            np.eye(3) if name == root else se2.invert(fine[root]) @ fine[name],
-            np.eye(3) if name == root else se2.invert(coarse[root]) @ coarse[name],
-        )
-        for name in group
-    ]
-    left_out = sorted((step for step in steps if step.source not in fine), key=lambda step: step.source)
-    placements += [
-        MapPlacement(step.source, False, number, reason=f"not merged when its turn came: {step.reason}")
-        for number, step in enumerate(left_out, start=1)
-    ]
-    return tuple(sorted(placements, key=lambda placement: placement.name))
-
-
-def _place_nothing(maps: Sequence[GridMap], steps: Sequence[PairResult]) -> tuple[MapPlacement, ...]:
-    reasons = {step.source: f"not merged when its turn came: {step.reason}" for step in steps}
-    names = sorted(grid.name for grid in maps)
-    return tuple(
-        MapPlacement(name, False, number, reason=reasons.get(name, "no other map could be merged into it"))
-        for number, name in enumerate(names)
-    )
-
-
-def _assemble(
-    config: MergeConfig, placements: tuple[MapPlacement, ...], steps: Sequence[PairResult], merged: GridMap | None
-) -> MergeResult:
-    count = max(placement.component for placement in placements) + 1
-    components = tuple(
-        tuple(placement.name for placement in placements if placement.component == number) for number in range(count)
-    )
-    pairs = tuple(sorted(steps, key=lambda step: step.source))
-    objective = Objective(num_reliable=sum(step.T_target_source is not None for step in steps))
-    return MergeResult(
-        config.method, config.seed, __version__, str(config.reference), placements, components, pairs, objective,
-        merged=merged,
-    )  # fmt: skip

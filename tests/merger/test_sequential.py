@@ -27,6 +27,12 @@ def test_maps_are_merged_one_after_another_into_the_first(three_maps):
     assert [(pair.target, pair.source) for pair in result.pairs] == [("west", "east"), ("west", "middle")]
 
 
+def test_progress_tells_of_the_compiler_before_the_first_map_and_of_every_map(three_maps):
+    told = []
+    merge_maps(three_maps[0], _SEQUENTIAL, progress=lambda *news: told.append(news))
+    assert told == [("compiler", 0, 1), ("compiler", 1, 1), ("maps", 1, 2), ("maps", 2, 2)]
+
+
 def test_a_map_whose_turn_comes_too_early_is_left_out_with_its_reason(three_maps):
     maps, _ = three_maps
     empty = GridMap("empty", np.zeros((10, 10), dtype=np.float32), 0.1)
