@@ -75,9 +75,9 @@ class SimConfig:
     num_robots: int = 2
     """Robots that are simulated, >= 1."""
     duration_s: float | None = None
-    """Every robot drives just so long; none: until it has seen its part of the building."""
+    """Every robot drives just so long, at most ``max_duration_s``; none: until it has seen its part of the building."""
     max_duration_s: float = 7200.0
-    """No run is longer, > 0."""
+    """No run is longer, in (0, 86400]."""
     robot: RobotConfig = field(default_factory=RobotConfig)
     """Size and wheels of the robots."""
     coverage: CoverageConfig = field(default_factory=CoverageConfig)
@@ -108,6 +108,11 @@ class SimConfig:
             raise ValueError(f"num_robots must be >= 1, got {self.num_robots}")
         drive_config(self)
         check_lidar(self.lidar)
+        if math.hypot(*self.lidar.T_robot_lidar[:2]) > self.robot.radius_m:
+            raise ValueError(
+                f"lidar.T_robot_lidar must be within robot.radius_m = {self.robot.radius_m:g} of the robot's centre, "
+                f"got {tuple(self.lidar.T_robot_lidar)}"
+            )
         _check_finite("", to_plain_dict(self))
 
 

@@ -33,6 +33,7 @@ _MARGIN_M = 0.04
 """Planned ways keep this distance between a robot's body and walls."""
 _FLOOR_OF_A_PERSON_M2 = 2.0
 """Where more people stand, robots hardly move."""
+_DAY_S = 86_400.0
 _FAR_AWAY_M = 1e6
 """Where a robot is that has left the building."""
 _KEPT_BYTES = 256 * 2**20
@@ -54,14 +55,15 @@ class DriveConfig:
     duration_s: float | None = None
     """Every robot drives just so long, over its tour again and again; none: until its tour is over."""
     max_duration_s: float = 7200.0
-    """No run is longer, whatever is left of its tour, > 0."""
+    """No run is longer, whatever is left of its tour, in (0, 86400]."""
 
     def __post_init__(self) -> None:
         """Refuse impossible values."""
-        for name in ("duration_s", "max_duration_s"):
+        for name, most_s in (("max_duration_s", _DAY_S), ("duration_s", self.max_duration_s)):
             value = getattr(self, name)
-            if value is not None and not (0.0 < value < math.inf):
-                raise ValueError(f"{name} must be > 0 s, got {value}")
+            if value is not None and not 0.0 < value <= most_s:
+                limit = "max_duration_s = " if name == "duration_s" else ""
+                raise ValueError(f"{name} must be in (0, {limit}{most_s:g}] s, got {value:g}")
 
 
 @dataclass(frozen=True)

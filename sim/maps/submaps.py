@@ -9,6 +9,9 @@ import numpy.typing as npt
 
 from merger import se2
 
+_FARTHEST_M = 10_000.0
+"""Farther from its frame's origin a map's coordinates lose their last millimetres in some tools."""
+
 
 @dataclass(frozen=True)
 class SubmapsConfig:
@@ -23,7 +26,7 @@ class SubmapsConfig:
     """In place of ``overlap``: the share of walls that every two neighbouring submaps are to have in common, in (0, 1);
     see `sim.maps.overlap_search`."""
     shift_m: float = 10.0
-    """A submap's frame is shifted from its first pose by up to this, along x and y, at random; at least 0."""
+    """A submap's frame is shifted from its first pose by up to this, along x and y, at random; in [0, 10000]."""
     turn_deg: float = 180.0
     """A submap's frame is turned from its first pose by up to this, at random; in [0, 180]."""
 
@@ -35,8 +38,8 @@ class SubmapsConfig:
             raise ValueError(f"submaps.overlap must be in [0, 0.9], got {self.overlap}")
         if self.measured_overlap is not None and not 0.0 < self.measured_overlap < 1.0:
             raise ValueError(f"submaps.measured_overlap must be in (0, 1), got {self.measured_overlap}")
-        if not (math.isfinite(self.shift_m) and self.shift_m >= 0.0):
-            raise ValueError(f"submaps.shift_m must be >= 0, got {self.shift_m}")
+        if not 0.0 <= self.shift_m <= _FARTHEST_M:
+            raise ValueError(f"submaps.shift_m must be in [0, {_FARTHEST_M:g}], got {self.shift_m}")
         if not 0.0 <= self.turn_deg <= 180.0:
             raise ValueError(f"submaps.turn_deg must be in [0, 180], got {self.turn_deg}")
 

@@ -29,7 +29,7 @@ class CoverageConfig:
     shared: float = 0.25
     """Share of each robot's tour that also belongs to the next robot's, in [0, 1]."""
     passes: int = 1
-    """How often everything is covered, each time in another order, >= 1."""
+    """How often everything is covered, each time in another order, 1 to 100."""
 
     def __post_init__(self) -> None:
         """Refuse impossible values."""
@@ -37,8 +37,8 @@ class CoverageConfig:
             raise ValueError(f"spacing_m must be in (0.3, 100) m, got {self.spacing_m}")
         if not 0.0 <= self.shared <= 1.0:
             raise ValueError(f"shared must be in [0, 1], got {self.shared}")
-        if self.passes < 1:
-            raise ValueError(f"passes must be >= 1, got {self.passes}")
+        if not 1 <= self.passes <= 100:
+            raise ValueError(f"passes must be in [1, 100], got {self.passes}")
 
 
 @dataclass(frozen=True)

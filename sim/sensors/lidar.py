@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +15,9 @@ from sim.sensors.ray_casting import Discs
 from sim.sensors.scan_kernel import Scanner, Surroundings, cast_scans, effect_keys, effects_of
 from sim.sensors.segment_grid import SegmentGrid, build_segment_grid
 
-_ROUNDING_RAD = 1e-6
+_ROUNDING_RAD, _ROUNDING = 1e-6, 1e-6
+_LIMITS = MappingProxyType({"num_beams": (1, 65_536), "range_max_m": (0.0, 1000.0), "scan_period_s": (0.001, 3600.0)})
+"""What a lidar can be like."""
 
 ObstaclesAt = Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]]
 """``at(stamps_s (S,))`` gives the (S, K, 2) centres of the moving obstacles in frame ``world`` at these times."""
@@ -126,13 +129,18 @@ def check_lidar(lidar: LidarSpec) -> None:
             f"lidar: num_beams times angle_increment_rad must be within one turn, got {lidar.num_beams} beams "
             f"{lidar.angle_increment_rad:g} rad apart"
         )
+    for name, (low, high) in _LIMITS.items():
+        if not low <= getattr(lidar, name) <= high:
+            raise ValueError(f"lidar: {name} must be in [{low:g}, {high:g}], got {getattr(lidar, name):g}")
     if len(lidar.T_robot_lidar) != 3 or not np.isfinite(lidar.T_robot_lidar).all():
         raise ValueError(f"lidar: T_robot_lidar must be three finite numbers, got {lidar.T_robot_lidar}")
-    if not 0.0 <= lidar.range_min_m < lidar.range_max_m < np.inf:
+    if not 0.0 <= lidar.range_min_m < lidar.range_max_m:
         raise ValueError(
             f"lidar: need 0 <= range_min_m < range_max_m, got {lidar.range_min_m:g} and {lidar.range_max_m:g}"
         )
-    if lidar.time_increment_s < 0.0:
-        raise ValueError(f"lidar: time_increment_s must be >= 0, got {lidar.time_increment_s:g}")
-    if not lidar.scan_period_s > 0.0:
-        raise ValueError(f"lidar: scan_period_s must be > 0, got {lidar.scan_period_s:g}")
+    longest_s = lidar.scan_period_s / max(lidar.num_beams - 1, 1)
+    if not 0.0 <= lidar.time_increment_s <= longest_s * (1.0 + _ROUNDING):
+        raise ValueError(
+            f"lidar: time_increment_s must be in [0, {longest_s:g}], so that a scan of {lidar.num_beams} beams fits "
+            f"into scan_period_s = {lidar.scan_period_s:g}, got {lidar.time_increment_s:g}"
+        )

@@ -1,10 +1,9 @@
 """What goes wrong in a lidar's measurement: each effect has its own setting, off by default, and its own stream."""
 
-import math
 from dataclasses import dataclass, fields
 from types import MappingProxyType
 
-_UPPER_BOUNDS = MappingProxyType({"range_sigma_m": math.inf, "range_sigma_ratio": math.inf, "angle_sigma_rad": 0.1})
+_UPPER_BOUNDS = MappingProxyType({"range_sigma_m": 10.0, "angle_sigma_rad": 0.1})
 
 
 @dataclass(frozen=True)
@@ -16,9 +15,9 @@ class NoiseConfig:
     """
 
     range_sigma_m: float = 0.0
-    """Standard deviation of the Gaussian noise of a range, metres, >= 0."""
+    """Standard deviation of the Gaussian noise of a range, metres, 0 to 10."""
     range_sigma_ratio: float = 0.0
-    """Standard deviation of the noise that grows with the range, as a share of it, >= 0."""
+    """Standard deviation of the noise that grows with the range, as a share of it, 0 to 1."""
     angle_sigma_rad: float = 0.0
     """Standard deviation of the direction in which a beam really goes, radians, 0 to 0.1."""
     dropout: float = 0.0

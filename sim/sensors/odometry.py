@@ -3,7 +3,6 @@
 Source: S. Thrun, W. Burgard, D. Fox, Probabilistic Robotics, 2005, Table 5.6 (``sample_motion_model_odometry``).
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +12,7 @@ from merger import se2
 
 Array = npt.NDArray[np.float64]
 
+_LARGEST_ALPHA, _LONGEST_M = 10.0, 10.0
 _STANDSTILL_M = 1e-6
 """Below it a motion has no direction: it is a turn on the spot."""
 
@@ -22,15 +22,15 @@ class OdometryConfig:
     """How wheels err. All zero, and wheel scales of one, is perfect odometry."""
 
     alpha1: float = 0.1
-    """Variance of turning by turning (rad2 per rad2), >= 0."""
+    """Variance of turning by turning (rad2 per rad2), 0 to 10."""
     alpha2: float = 0.05
-    """Variance of turning by driving (rad2 per m2), >= 0."""
+    """Variance of turning by driving (rad2 per m2), 0 to 10."""
     alpha3: float = 0.1
-    """Variance of driving by driving (m2 per m2), >= 0."""
+    """Variance of driving by driving (m2 per m2), 0 to 10."""
     alpha4: float = 0.05
-    """Variance of driving by turning (m2 per rad2), >= 0."""
+    """Variance of driving by turning (m2 per rad2), 0 to 10."""
     step_m: float = 0.025
-    """The model is taken for motions of this many metres (or radians), > 0, as by wheels that are read about 25
+    """The model is taken for motions of this many metres (or radians), in (0, 10], as by wheels that are read about 25
     times a second; longer and shorter ones get the variance that such steps add up to, so that drift does not depend on
     how often a lidar scans."""
     left_wheel_scale: float = 1.0
@@ -38,16 +38,16 @@ class OdometryConfig:
     right_wheel_scale: float = 1.0
     """Metres told for a metre of the right wheel, in [0.5, 2]."""
     wheel_base_m: float = 0.4
-    """Distance between the wheels, > 0."""
+    """Distance between the wheels, in (0, 10]."""
 
     def __post_init__(self) -> None:
         """Refuse impossible values."""
         for name in ("alpha1", "alpha2", "alpha3", "alpha4"):
-            if not (0.0 <= getattr(self, name) < math.inf):
-                raise ValueError(f"{name} must be >= 0, got {getattr(self, name)}")
+            if not 0.0 <= getattr(self, name) <= _LARGEST_ALPHA:
+                raise ValueError(f"{name} must be in [0, {_LARGEST_ALPHA:g}], got {getattr(self, name)}")
         for name in ("step_m", "wheel_base_m"):
-            if not (0.0 < getattr(self, name) < math.inf):
-                raise ValueError(f"{name} must be > 0, got {getattr(self, name)}")
+            if not 0.0 < getattr(self, name) <= _LONGEST_M:
+                raise ValueError(f"{name} must be in (0, {_LONGEST_M:g}] m, got {getattr(self, name)}")
         for name in ("left_wheel_scale", "right_wheel_scale"):
             if not 0.5 <= getattr(self, name) <= 2.0:
                 raise ValueError(f"{name} must be in [0.5, 2], got {getattr(self, name)}")

@@ -254,10 +254,13 @@ def test_impossible_noise_is_refused_by_name(name, value):
     ("change", "message"),
     [
         ({"num_beams": 0}, "num_beams must be >= 1, got 0"),
+        ({"num_beams": 1_000_000, "angle_increment_rad": 1e-6}, "num_beams must be in .*, got 1e.06"),
         ({"range_min_m": 13.0}, "range_min_m < range_max_m"),
         ({"range_max_m": math.inf}, "range_max_m"),
-        ({"time_increment_s": -1.0}, "time_increment_s must be >= 0"),
-        ({"scan_period_s": 0.0}, "scan_period_s must be > 0"),
+        ({"time_increment_s": -1.0}, "time_increment_s must be in"),
+        ({"time_increment_s": 0.1}, "time_increment_s must be in .* scan_period_s"),
+        ({"scan_period_s": 0.0}, "scan_period_s must be in"),
+        ({"scan_period_s": 1e-9}, "scan_period_s must be in"),
     ],
 )
 def test_an_impossible_lidar_is_refused_by_name(change, message):

@@ -191,7 +191,10 @@ def test_impossible_runs_are_refused_by_name(num_robots: int, period: float, fau
         (lambda: CoverageConfig(spacing_m=0.0), "spacing_m"),
         (lambda: CoverageConfig(shared=1.5), "shared"),
         (lambda: PeopleConfig(num_people=-1), "num_people"),
+        (lambda: CoverageConfig(passes=1_000_000), "passes"),
         (lambda: DriveConfig(duration_s=-1.0), "duration_s"),
+        (lambda: DriveConfig(duration_s=7300.0), "duration_s .* max_duration_s = 7200"),
+        (lambda: DriveConfig(max_duration_s=1e12), "max_duration_s"),
         (lambda: OdometryConfig(alpha3=-1.0), "alpha3"),
     ],
 )
