@@ -1,5 +1,6 @@
 """The chapters of a report: which tables and pictures an experiment deserves, and the sentences beside them."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -97,7 +98,7 @@ def _summary(results: Results, by: Sequence[str]) -> pd.DataFrame:
 def _as_typed(table: pd.DataFrame, swept: Sequence[str]) -> pd.DataFrame:
     """A table in which swept values read as one would type them: 0.1, where a score is 0.100."""
     typed = {
-        key: [f"{v:g}" if isinstance(v, float) and v == v else format_value(v) for v in table[key]]
+        key: [f"{v:g}" if isinstance(v, float) and math.isfinite(v) else format_value(v) for v in table[key]]
         for key in swept
         if key in table
     }

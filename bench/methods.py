@@ -1,12 +1,13 @@
 """Methods by name, and one call of a method on one dataset: maps in, ``result.json`` out, truth never shown."""
 
 import dataclasses
+import functools
 import importlib.metadata
 import json
 import time
 import types
 import typing
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from enum import Enum
 from pathlib import Path
 from typing import Any
@@ -24,11 +25,13 @@ from merger.result import MergeResult, Method
 from merger.result_json import to_json_dict
 
 ENTRY_POINTS = "mapmerge_bench.methods"
-"""Group of entry points: each a function ``(maps: list[GridMap], seed: int) -> MergeResult``."""
-PythonMethod = Callable[[Sequence[GridMap], int], MergeResult]
+"""Group of entry points: each a function ``(maps: list[GridMap], seed: int)`` that gives a `MergeResult`, or the
+dictionary that ``result.json`` is to hold."""
+PythonMethod = Callable[[Sequence[GridMap], int], MergeResult | Mapping[str, Any]]
 """What an entry point gives."""
 
 
+@functools.cache
 def python_methods() -> dict[str, importlib.metadata.EntryPoint]:
     """The installed Python methods, by name."""
     return {point.name: point for point in importlib.metadata.entry_points(group=ENTRY_POINTS)}
@@ -75,7 +78,8 @@ def call_method(spec: MethodSpec, dataset: Path, order: int, seed: int, out: Pat
         start, start_cpu = time.perf_counter(), time.process_time()
         result = _merge(spec, maps, seed)
         fields = {"wall_s": time.perf_counter() - start, "cpu_s": time.process_time() - start_cpu}
-        (out / "result.json").write_text(json.dumps(to_json_dict(result)), encoding="utf-8")
+        document = to_json_dict(result) if isinstance(result, MergeResult) else result
+        (out / "result.json").write_text(json.dumps(document), encoding="utf-8")
     return fields | {"reference_s": time_reference()}
 
 
@@ -88,7 +92,7 @@ def ordered_maps(dataset: Path, order: int) -> list[Path]:
     return [paths[k] for k in rng.permutation(len(paths))]
 
 
-def _merge(spec: MethodSpec, maps: list[GridMap], seed: int) -> MergeResult:
+def _merge(spec: MethodSpec, maps: list[GridMap], seed: int) -> MergeResult | Mapping[str, Any]:
     if spec.kind is MethodKind.MERGER:
         return merge_maps(maps, merge_config(spec.target, seed, spec.workers, spec.options))
     point = python_methods().get(spec.target)
