@@ -24,6 +24,8 @@ OTHER_COLOURS = ("#c2459a", "#8c8c00", "#00a0a8", "#b0603a", "#6a6ad8", "#7f7f7f
 """Colours of methods that have none of their own, in their order."""
 PAIR_COLOURS = {"tree": "#d1495b", "reliable": "#f2b134", "rejected": "#7f8794", "no_match": "none"}
 """Colours of relative motions: in the tree, confirmed, rejected, none."""
+CURVE_SIZE_IN = (5.4, 3.9)
+"""Width and height of a panel with curves."""
 RIGHT_COLOUR = "#18a058"
 """What is right."""
 WRONG_COLOUR = "#d1495b"

@@ -10,7 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from bench.isolation import Skipped, die_with_parent, original_environment
+from bench.isolation import Skipped, original_environment
+from bench.lifeline import die_with_parent
 from bench.submap_scans import write_submap_scans
 
 PLACEHOLDERS = ("{maps}", "{out}")

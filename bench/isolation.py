@@ -5,12 +5,9 @@ milliseconds, not the second that importing takes. A child dies with the program
 """
 
 import contextlib
-import ctypes
-import fcntl
 import multiprocessing
 import os
 import resource
-import select
 import signal
 import threading
 import time
@@ -23,10 +20,10 @@ from typing import Any
 import psutil
 
 from bench.cell import Outcome
+from bench.lifeline import die_with_parent, die_with_reader, outlive_reader
 
 _POLL_S = 0.25
 """Between two looks at a child's memory and time; an answer is met at once."""
-_PR_SET_PDEATHSIG = 1
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 _ADDED = "MAPMERGE_BENCH_ADDED"
 _CONTEXT = multiprocessing.get_context("forkserver")
@@ -118,16 +115,10 @@ def run_isolated(function: Callable[..., dict[str, Any] | None], arguments: tupl
     return Outcome(status, reason, **fields)
 
 
-def die_with_parent() -> None:
-    """Ask the kernel to end this process when its parent ends (Linux; elsewhere nothing happens)."""
-    with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-
-
 def _child(sender: connection.Connection, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
     os.setsid()
     die_with_parent()
-    _die_with_reader(sender)
+    die_with_reader(sender)
     answer: tuple[str, str | None, dict[str, Any]]
     try:
         fields = function(*arguments) or {}
@@ -139,27 +130,9 @@ def _child(sender: connection.Connection, function: Callable[..., Any], argument
         answer = ("failed", "out of memory", {})
     except Exception as error:  # noqa: BLE001  # whatever a method raises is its answer
         answer = ("failed", _one_line(f"{type(error).__name__}: {error}"), {})
-    _outlive_reader(sender)
+    outlive_reader(sender)
     sender.send(answer)
     sender.close()
-
-
-def _die_with_reader(sender: connection.Connection) -> None:
-    """Ask for SIGIO, which ends this process, when nobody is left to read its answer.
-
-    The parent is the server, which lives as long as any of its children: its end would come too late.
-    """
-    fcntl.fcntl(sender.fileno(), fcntl.F_SETOWN, os.getpid())
-    fcntl.fcntl(sender.fileno(), fcntl.F_SETFL, fcntl.fcntl(sender.fileno(), fcntl.F_GETFL) | os.O_ASYNC)
-    poll = select.poll()
-    poll.register(sender.fileno(), select.POLLERR)
-    if poll.poll(0):
-        os._exit(1)
-
-
-def _outlive_reader(sender: connection.Connection) -> None:
-    """Undo `_die_with_reader`: an answer that is being read gives the same signal."""
-    fcntl.fcntl(sender.fileno(), fcntl.F_SETFL, fcntl.fcntl(sender.fileno(), fcntl.F_GETFL) & ~os.O_ASYNC)
 
 
 def _watch(

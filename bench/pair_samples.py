@@ -147,7 +147,7 @@ def _add_strangers(rows: _Rows, maps: Sequence[GridMap], num_first: int, buildin
 
 
 def _open_consensus() -> ConsensusConfig:
-    return replace(MergeConfig().robust.consensus, min_log_odds=_OPEN_LOG_ODDS, cycle_log_odds=0.0)
+    return replace(MergeConfig().robust.consensus, min_log_odds=_OPEN_LOG_ODDS, cycle_log_odds=0.0, echo_log_odds=0.0)
 
 
 def _add_motion(rows: _Rows, motion: Hypothesis, verdict: bool | None, building: int, overlap: float) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bench import curves, figures, pair_metrics
+from bench import error_curves, figures, pair_metrics
 from bench.drawing import Picture
 from bench.exhibit import Exhibit, load_exhibit
 from bench.report import Section
@@ -28,11 +28,11 @@ _GALLERY_TEXT = (
 
 def error_chapter(results: Results, folder: Path) -> Section:
     """How far maps are off, which pairs are found, and whether confidences are honest."""
-    pictures = [curves.draw_errors(results, folder), curves.draw_reliability(results, folder)]
+    pictures = [error_curves.draw_errors(results, folder), error_curves.draw_reliability(results, folder)]
     table = None
     if not results.pairs.empty:
-        table = curves.recall_by_overlap(results)
-        pictures.insert(1, curves.draw_recall(table, folder))
+        table = error_curves.recall_by_overlap(results)
+        pictures.insert(1, error_curves.draw_recall(table, folder))
     text = "False: pairs that the method confirms although the truth contradicts them."
     if table is not None:
         table = table.rename(columns=_RECALL_WORDS)

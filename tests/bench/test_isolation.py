@@ -2,9 +2,13 @@
 
 import os
 import signal
+import subprocess
+import sys
 import time
+from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 
 from bench.isolation import Limits, Skipped, original_environment, run_isolated
@@ -90,3 +94,18 @@ def test_a_hang_is_stopped_by_the_time_limit() -> None:
 def test_a_flood_of_memory_is_stopped_by_the_memory_limit() -> None:
     outcome = run_isolated(_flood, (4096,), Limits(time_s=60.0, memory_mb=400.0))
     assert (outcome.reason or "").startswith("memory limit of 400 MiB")
+
+
+def test_a_call_ends_when_the_program_that_asked_for_it_is_killed(tmp_path: Path) -> None:
+    command = ["sh", "-c", f"echo $PPID > {tmp_path}/new; mv {tmp_path}/new {tmp_path}/pid; exec sleep 25"]
+    run = f"run_isolated(subprocess.run, ({command},), Limits(90, 4096))"
+    code = f"import subprocess; from bench.isolation import Limits, run_isolated; {run}"
+    process = subprocess.Popen([sys.executable, "-c", code])
+    while not (tmp_path / "pid").is_file():
+        assert process.poll() is None
+        time.sleep(0.1)
+    call = psutil.Process(int((tmp_path / "pid").read_text()))
+    process.kill()
+    process.wait()
+    gone, _ = psutil.wait_procs([call], timeout=20.0)
+    assert gone == [call]
