@@ -13,6 +13,8 @@ Array = npt.NDArray[np.float64]
 
 SMALLEST_ROBOT_RADIUS_M = 0.15
 """A world must be passable for a robot of this radius; larger ones are checked when they are to drive."""
+_LARGEST_M2 = 100_000.0
+"""Area of the box around a building for which there is memory: its floor is kept in cells of 2 cm."""
 _OUTLINE_RESOLUTION_M = 0.05
 """Holes in the outline are found down to about two of these."""
 
@@ -26,9 +28,10 @@ def check_plan(plan: Plan, segments: Array, radius_m: float = SMALLEST_ROBOT_RAD
         radius_m: Radius of the robot, by default of the smallest.
 
     Raises:
-        ValueError: there is no start, a start or a room's point is inside a wall, the outline is open, or a room
-            cannot be reached; the message names the world and the place.
+        ValueError: the building is too large, there is no start, a start or a room's point is inside a wall, the
+            outline is open, or a room cannot be reached; the message names the world and the place.
     """
+    check_size(plan.name, segments)
     if len(plan.starts) == 0:
         raise ValueError(f"world '{plan.name}': no place where a robot can start")
     for k in np.nonzero(_inside_solids(plan))[0]:
@@ -36,6 +39,19 @@ def check_plan(plan: Plan, segments: Array, radius_m: float = SMALLEST_ROBOT_RAD
         raise ValueError(f"world '{plan.name}': start {k} at {place} is inside a wall or a piece of furniture")
     _check_outline(plan.name, segments, plan.starts)
     check_reach(plan.name, measure_free_space(segments), plan.rooms, plan.starts, radius_m)
+
+
+def check_size(name: str, points: Array) -> None:
+    """Refuse a building, given by (..., 2) points in metres, that is too large to be looked at.
+
+    Raises:
+        ValueError: its box is too large.
+    """
+    width_m, depth_m = np.ptp(points.reshape(-1, 2), axis=0)
+    if width_m * depth_m > _LARGEST_M2:
+        raise ValueError(
+            f"world '{name}': a building of {width_m:g} x {depth_m:g} m is too large: at most {_LARGEST_M2:g} m² in all"
+        )
 
 
 def check_reach(name: str, space: FreeSpace, rooms: tuple[Room, ...], starts: Array, radius_m: float) -> None:

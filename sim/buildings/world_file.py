@@ -37,6 +37,7 @@ from sim.buildings.furnishing import FurnishConfig, RoomArea, furnish_rooms
 from sim.buildings.plan import Material, Plan, Room, Solid, box, disc
 from sim.buildings.room_kinds import RoomKind
 from sim.buildings.walls import Door, Wall, build_walls
+from sim.buildings.world_check import check_size
 from sim.buildings.yaml_fields import check_fields, read_list, read_numbers, read_points, read_positive, read_seed
 
 _FIELDS = {"thickness", "walls", "doors", "furniture", "rooms", "starts", "waypoints", "seed"}
@@ -97,6 +98,7 @@ def _plan_of(name: str, document: dict[str, Any], furnish: FurnishConfig) -> Pla
     doors = [_door(f"doors[{k}]", item) for k, item in enumerate(read_list(document, "doors"))]
     furniture = [_furniture(f"furniture[{k}]", item) for k, item in enumerate(read_list(document, "furniture"))]
     solids = build_walls(walls, doors) + furniture
+    check_size(name, np.concatenate([solid.polygon for solid in solids]))
     areas = [_room(f"rooms[{k}]", item, k) for k, item in enumerate(read_list(document, "rooms"))]
     seed = read_seed(document.get("seed", 0))
     starts = [read_numbers(f"starts[{k}]", item, 3) for k, item in enumerate(read_list(document, "starts"))]

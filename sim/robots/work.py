@@ -1,5 +1,6 @@
 """Who starts where, and what each robot has to do: the world's waypoints, or a share of the building."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -39,13 +40,22 @@ def place_robots(world: World, router: Router, num_robots: int, radius_m: float)
     passable = router.passable.ravel()
     open_floor = passable & (clearance >= min(_OPEN_M, float(clearance[passable].max())))
     apart_m = _APART_RADII * radius_m
-    for k in range(2, len(starts) + 1):
-        _check_apart(world, starts[:k], num_robots, apart_m)
+    for k in range(1, len(starts)):
+        near = [j for j in range(k) if math.hypot(*(starts[j] - starts[k])[:2]) < apart_m]
+        if near:
+            raise ValueError(
+                f"world '{world.name}': starts {near[0]} and {k} must be {apart_m:.2f} m apart for two robots"
+            )
     while len(starts) < num_robots:
         cost, _ = search_nearest(router.graph, np.array([router.node_at(s[:2]) for s in starts]))
         farthest = np.argmax(np.where(open_floor & np.isfinite(cost), cost, -1.0))
-        starts.append(np.array([*router.point_of(np.array(farthest)), 0.0]))
-        _check_apart(world, starts, num_robots, apart_m)
+        place = np.array([*router.point_of(np.array(farthest)), 0.0])
+        if np.hypot(*(np.array(starts) - place)[:, :2].T).min() < apart_m:
+            raise ValueError(
+                f"num_robots must be at most {len(starts)} in world '{world.name}', where no more robots can start "
+                f"{apart_m:.2f} m apart, got {num_robots}"
+            )
+        starts.append(place)
     return np.array(starts)
 
 
@@ -77,16 +87,6 @@ def share_work(
     roadmap = spread_places(router, world.rooms, starts, coverage.spacing_m)
     tours = plan_tours(roadmap, len(starts), coverage, rngs[0])
     return [tour_errands(roadmap, k, tour, rngs[k] if endless else None) for k, tour in enumerate(tours)]
-
-
-def _check_apart(world: World, starts: Sequence[Array], num_robots: int, apart_m: float) -> None:
-    """Refuse the last of some starts if it is too near to one before it."""
-    *others, last = starts
-    if np.hypot(*(np.array(others) - last)[:, :2].T).min() < apart_m:
-        raise ValueError(
-            f"num_robots must be at most {len(others)} in world '{world.name}', where no more robots can start "
-            f"{apart_m:.2f} m apart, got {num_robots}"
-        )
 
 
 def _route_nodes(world: World, router: Router, route: Array) -> list[int]:

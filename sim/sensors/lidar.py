@@ -16,6 +16,7 @@ from sim.sensors.scan_kernel import Scanner, Surroundings, cast_scans, effect_ke
 from sim.sensors.segment_grid import SegmentGrid, build_segment_grid
 
 _ROUNDING_RAD, _ROUNDING = 1e-6, 1e-6
+_SMALLEST_STEP_RAD = 1e-5
 _LIMITS = MappingProxyType({"num_beams": (1, 65_536), "range_max_m": (0.0, 1000.0), "scan_period_s": (0.001, 3600.0)})
 """What a lidar can be like."""
 
@@ -121,8 +122,10 @@ def check_lidar(lidar: LidarSpec) -> None:
     if lidar.num_beams < 1:
         raise ValueError(f"lidar: num_beams must be >= 1, got {lidar.num_beams}")
     angles_rad = np.array([lidar.angle_min_rad, lidar.angle_increment_rad])
-    if not np.isfinite(angles_rad).all() or lidar.angle_increment_rad == 0.0:
-        raise ValueError(f"lidar: need finite angles and steps that are not 0, got {angles_rad.tolist()}")
+    if not np.isfinite(angles_rad).all() or abs(lidar.angle_increment_rad) < _SMALLEST_STEP_RAD:
+        raise ValueError(
+            f"lidar: need finite angles and steps of at least {_SMALLEST_STEP_RAD:g} rad, got {angles_rad.tolist()}"
+        )
     turn_rad = abs(lidar.angle_increment_rad) * (lidar.num_beams - 1)
     if turn_rad > 2.0 * np.pi + _ROUNDING_RAD:
         raise ValueError(

@@ -183,6 +183,13 @@ def test_impossible_runs_are_refused_by_name(num_robots: int, period: float, fau
         drive(two_rooms(1.0), DriveConfig(), num_robots, period, 0)
 
 
+def test_two_robots_that_would_start_in_one_place_are_refused_by_their_starts() -> None:
+    world = two_rooms(1.0)
+    twice = replace(world, starts=np.array([world.starts[0], world.starts[0] + [0.1, 0.0, 0.0]]))
+    with pytest.raises(ValueError, match=r"starts 0 and 1 must be 0.55 m apart"):
+        drive(twice, DriveConfig(), 2, 0.2, 0)
+
+
 @pytest.mark.parametrize(
     ("make", "fault"),
     [

@@ -79,6 +79,7 @@ def test_furnishing_more_gives_more_and_keeps_the_room_reachable(tmp_path: Path)
         ("walls: []\n" + STARTS, "no walls"),
         (BOX + STARTS + "walsl: 1\n", "unknown field 'walsl'"),
         (BOX, "no place where a robot can start"),
+        (BOX + "  - [[1, 1], [1000000, 1]]\n" + STARTS, "too large: at most 100000 m²"),
         ("walls:\n  - [[0, 0], [8, 0], [8, 6], [0, 6]]\n" + STARTS, "outline is open"),
         (BOX + "starts: [[2, 0.05, 0]]\n", "start 0 at .* is inside a wall"),
         (BOX + "starts: [[20, 3, 0]]\n", "start 0 at .* is outside the building"),
