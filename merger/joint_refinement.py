@@ -45,7 +45,7 @@ class JointRefinementConfig:
     """No cut-off is below so many cells of the coarser map of a pair, > 0."""
     gap_cutoff_m: float = 0.2
     """Walls farther apart do not count when it is measured how closely a pair agrees, metres, > 0."""
-    closeness: float = 8.0
+    closeness: float = 6.0
     """A pair counts by this power of the inverse of how far its walls are apart, >= 0."""
     prior_m: float = 5.0
     """So many metres of wall that are as far apart as all pairs' walls are added to each pair's own, > 0."""

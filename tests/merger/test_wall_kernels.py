@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from merger import se2, wall_kernels
-from merger.alignment_kernel import sum_equations
+from merger.alignment_kernel import sum_equations, sum_equations_onto, sum_gaps_onto
 from merger.verification import VerificationConfig
 from merger.wall_alignment import AlignmentConfig, align_all, align_walls
-from merger.wall_kernels import View
+from merger.wall_kernels import View, Walls
 
 
 def test_compare_walls_agrees_with_a_slow_oracle(pair, T_A_B):
@@ -62,6 +62,27 @@ def test_equations_agree_with_the_slopes_of_their_residuals(pair, T_A_B, nudge):
     residuals, weights, slopes = slow_residuals(T, target, source, 0.4)
     assert A[0] == pytest.approx(slopes.T @ (weights[:, None] * slopes), rel=1e-4, abs=1e-6 * A.max())
     assert b[0] == pytest.approx(-slopes.T @ (weights * residuals), rel=1e-4, abs=1e-6 * A.max())
+
+
+def test_maps_are_laid_onto_another_together_as_each_by_itself(pair, T_A_B, nudge):
+    target, source = pair
+    T = np.stack([nudge(T_A_B, source.center_map, (0.02 * k, 0.01, 0.002 * k)) for k in range(3)])
+    T = target.T_field_map @ T @ source.T_map_field
+    walls, cutoffs_m = [source.sample(200), source.sample(400), source.walls], np.array([0.1, 0.2, 0.3])
+    A, b = sum_equations_onto(T, walls, target.view(None), cutoffs_m)
+    squares, weights = sum_gaps_onto(T, walls, target.view(None), cutoffs_m)
+    nothing = Walls(np.zeros((8, 0)))
+    for k, cutoff_m in enumerate(cutoffs_m):
+        alone = sum_equations(
+            T[k : k + 1],
+            View(nothing, target.walls, target.fields),
+            View(walls[k], source.walls, source.fields),
+            cutoff_m,
+        )
+        assert A[k] == pytest.approx(alone[0][0])
+        assert b[k] == pytest.approx(alone[1][0])
+        assert 0.0 < squares[k] < cutoff_m**2 * weights[k]
+    assert weights[2] == pytest.approx(sum_gaps_onto(T[2:], walls[2:], target.view(None), cutoffs_m[2:])[1][0])
 
 
 def slow_residuals(
