@@ -17,9 +17,9 @@ Note:
     Of 3,647 steps of a willing consensus on these sets, on parts of them and on 88 offices of repeated rooms, 48 led to
     another place. Alone two of them have log-odds above 3, 3.5 and 5.2 (aces with shaken poses); ``min_log_odds`` asks
     for 4. None has a cycle of walls of its own, as 34 of 100 right steps below 4 have: hence ``cycle_log_odds``. Pairs
-    that say the same from the same walls echo 14 of 100 of these right steps and 2 of the 48: hence ``echo_log_odds``. Fitted to all these
-    steps, with the cycles, is `merger.pair_probability.StepProbabilityConfig`: on buildings held out its log loss is
-    0.029, against 0.038 of the motions' log-odds as they are.
+    that say the same from the same walls echo 14 of 100 of those right steps and 2 of the 48: hence ``echo_log_odds``.
+    Fitted to all these steps, with the cycles, is `merger.pair_probability.StepProbabilityConfig`: on buildings held
+    out its log loss is 0.029, against 0.038 of the motions' log-odds as they are.
 """
 
 import argparse

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from merger.compositing import CompositingConfig, composite_maps
-from merger.cycles import CycleConfig, Relations, is_confirmed
+from merger.cycles import CycleConfig, Relations, Support, find_support
 from merger.grid_map import GridMap
 from merger.hypotheses import HypothesesConfig, Hypothesis, is_same_motion, judge_motions
 from merger.map_group import Formation, Group, PairHypotheses, join_formations, voices_between
@@ -49,10 +49,12 @@ class ConsensusConfig:
     """Groups are joined only by motions at least so probable."""
     cycle_log_odds: float = 3.0
     """A motion that a cycle confirms may have log-odds lower by this, >= 0."""
+    echo_log_odds: float = 1.0
+    """The same for one that is confirmed from the same walls only, >= 0."""
     step: StepProbabilityConfig = field(default_factory=StepProbabilityConfig)
     """How sure a step is."""
     plausible_log_odds: float = -6.0
-    """Motions of two maps below it are not tried between groups, below ``min_log_odds - cycle_log_odds``."""
+    """Motions of two maps below it are not tried between groups, below what may join."""
     judge_groups: bool = True
     """Whether all maps of two groups judge their motion (off: the two maps that propose it alone; an ablation)."""
     num_tried: int = 4
@@ -64,9 +66,10 @@ class ConsensusConfig:
 
     def __post_init__(self) -> None:
         """Refuse values out of range."""
-        if not self.cycle_log_odds >= 0.0:
-            raise ValueError(f"cycle_log_odds must be >= 0, got {self.cycle_log_odds}")
-        least = self.min_log_odds - self.cycle_log_odds
+        for name in ("cycle_log_odds", "echo_log_odds"):
+            if not getattr(self, name) >= 0.0:
+                raise ValueError(f"{name} must be >= 0, got {getattr(self, name)}")
+        least = self.min_log_odds - max(self.cycle_log_odds, self.echo_log_odds)
         if not self.plausible_log_odds < least:
             raise ValueError(f"plausible_log_odds must be < {least}, got {self.plausible_log_odds}")
         if self.num_tried < 1:
@@ -123,8 +126,9 @@ def grow_groups(
     best: Judged = {((i,), (j,)): items for (i, j), items in hypotheses.items() if items}
     joins: list[Join] = []
     while (step := _next_step(groups, best, relations, config)) is not None:
-        a, b, motion, confirmed = step
-        joins.append(Join(a, b, motion.log_odds, log_odds_of_step(motion.log_odds, confirmed, config.step)))
+        a, b, motion, support = step
+        sure = log_odds_of_step(motion.log_odds, support is Support.CYCLE, config.step)
+        joins.append(Join(a, b, motion.log_odds, sure))
         formation = join_formations(groups.pop(a), groups.pop(b), motion.T_target_source)
         if not groups:
             return Agreement((formation,), tuple(joins), ())
@@ -144,17 +148,19 @@ def grow_groups(
 
 def _next_step(
     groups: dict[Key, Group], best: Judged, relations: Relations, config: ConsensusConfig
-) -> tuple[Key, Key, Hypothesis, bool] | None:
-    """The surest motion that may join two groups, and whether it needed a cycle; None if there is none left."""
+) -> tuple[Key, Key, Hypothesis, Support] | None:
+    """The surest motion that may join two groups, and the support that it needed; None if there is none left."""
+    lower = {Support.NONE: 0.0, Support.ECHO: config.echo_log_odds, Support.CYCLE: config.cycle_log_odds}
     surest = sorted(((_surest(items), key) for key, items in best.items()), key=lambda m: (m[0].log_odds, m[1]))
     for motion, (a, b) in reversed(surest):
-        if motion.log_odds < config.min_log_odds - config.cycle_log_odds:
+        if motion.log_odds < config.min_log_odds - max(lower.values()):
             return None
         if motion.log_odds >= config.min_log_odds:
-            return a, b, motion, False
+            return a, b, motion, Support.NONE
         others = [groups[key] for key in sorted(groups.keys() - {a, b})]
-        if is_confirmed(motion.T_target_source, (groups[a], groups[b]), others, relations, config.cycles):
-            return a, b, motion, True
+        support = find_support(motion.T_target_source, (groups[a], groups[b]), others, relations, config.cycles)
+        if motion.log_odds >= config.min_log_odds - lower[support]:
+            return a, b, motion, support
     return None
 
 

@@ -1,12 +1,13 @@
-"""Whether a cycle confirms a motion between two groups: by walls that the motion itself does not rest on.
+"""Whether a cycle confirms a motion between two groups, and whether by walls that the motion itself does not rest on.
 
 Pairs of maps that see the same walls err alike: where one takes a room for its twin, so does the other. Two pairs make
 a cycle only if each rests on agreeing walls that the other has not seen, and a way over a third group only if both its
-steps rest on walls that the two groups do not share.
+steps rest on walls that the two groups do not share. What says the same from the same walls is a mere echo.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from enum import Enum
 from itertools import combinations
 
 import numpy as np
@@ -19,6 +20,17 @@ from merger.verification import find_agreeing_walls
 from merger.wall_structure import WallStructure
 
 Array = npt.NDArray[np.float64]
+
+
+class Support(Enum):
+    """What else says that a motion is right."""
+
+    NONE = "none"
+    """Nothing, or one pair of maps."""
+    ECHO = "echo"
+    """A second pair, or a way over a third group, from the same walls."""
+    CYCLE = "cycle"
+    """The same from walls of its own."""
 
 
 @dataclass(frozen=True)
@@ -65,10 +77,10 @@ class AgreeingWalls:
     """(N,) wall length that each point stands for, metres."""
 
 
-def is_confirmed(
+def find_support(
     T_a_b: Array, sides: tuple[Group, Group], others: Sequence[Group], relations: Relations, config: CycleConfig
-) -> bool:
-    """Whether a cycle confirms a motion between two groups.
+) -> Support:
+    """Find what confirms a motion between two groups.
 
     Args:
         T_a_b: (3, 3) the motion.
@@ -78,8 +90,8 @@ def is_confirmed(
         config: The settings.
 
     Returns:
-        True if two pairs of maps say the same from different walls, or if a way over a third group says the same and
-        both its steps rest on walls that a and b do not share.
+        A cycle if two pairs of maps say the same from different walls, or if a way over a third group says the same
+        and both its steps rest on walls that a and b do not share; an echo if they say so from the same walls.
     """
     a, b = sides
     voices = voices_between(a, b, relations.hypotheses, config.voice_log_odds)
@@ -87,15 +99,17 @@ def is_confirmed(
     same = [v for v in voices if is_same_motion(v.T_a_b, T_a_b, center_b, pairs)]
     seen = [_walls_of(voice, sides, np.eye(3), relations) for voice in same]
     if any(_has_own(one, other, config) and _has_own(other, one, config) for one, other in combinations(seen, 2)):
-        return True
+        return Support.CYCLE
+    support = Support.ECHO if len({voice.pair for voice in same}) > 1 else Support.NONE
     shared: AgreeingWalls | None = None
     for over, first, second in _detours(sides, others, relations, config):
         if is_same_motion(first.T_a_b @ second.T_a_b, T_a_b, center_b, pairs):
+            support = Support.ECHO
             shared = shared or _agree(a.structure, b.structure, T_a_b, relations)
             steps = ((first, (a, over), np.eye(3)), (second, (over, b), first.T_a_b))
             if all(_has_own(_walls_of(*step, relations), shared, config) for step in steps):
-                return True
-    return False
+                return Support.CYCLE
+    return support
 
 
 def _detours(

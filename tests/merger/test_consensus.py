@@ -7,7 +7,7 @@ import pytest
 
 from merger import se2
 from merger.consensus import ConsensusConfig, grow_groups
-from merger.cycles import CycleConfig, Relations, is_confirmed
+from merger.cycles import CycleConfig, Relations, Support, find_support
 from merger.hypotheses import HypothesesConfig, Hypothesis
 from merger.map_group import Formation, Group, join_formations
 from merger.merge_config import MergeConfig
@@ -48,17 +48,22 @@ def parts(cut_map):
 
 
 @pytest.mark.parametrize(
-    ("sides", "over", "known", "confirmed"),
+    ("sides", "over", "known", "support"),
     [
-        (([0], [2]), [], {(0, 2): says(HERE)}, False),
-        (([0], [2]), [], {(0, 2): (*says(HERE), *says(HERE))}, False),
-        (([0], [2, 3]), [], {(0, 2): says(HERE), (0, 3): says(HERE)}, False),
-        (([0, 4], [2]), [], {(0, 2): says(HERE), (2, 4): says(HERE)}, True),
-        (([0, 4], [2]), [], {(0, 2): says(HERE), (2, 4): says(se2.make_motion(2.0, 0.0, 0.0))}, False),
-        (([0, 4], [2]), [], {(0, 2): says(HERE), (2, 4): says(HERE, -1.0)}, False),
-        (([0], [1]), [2], {(0, 1): says(HERE), (0, 2): says(HERE), (1, 2): says(HERE)}, False),
-        (([2], [4]), [5], {(2, 4): says(HERE), (2, 5): says(HERE), (4, 5): says(HERE)}, True),
-        (([2], [4]), [5], {(2, 4): says(HERE), (2, 5): says(HERE), (4, 5): says(se2.make_motion(2.0, 0, 0))}, False),
+        (([0], [2]), [], {(0, 2): says(HERE)}, Support.NONE),
+        (([0], [2]), [], {(0, 2): (*says(HERE), *says(HERE))}, Support.NONE),
+        (([0], [2, 3]), [], {(0, 2): says(HERE), (0, 3): says(HERE)}, Support.ECHO),
+        (([0, 4], [2]), [], {(0, 2): says(HERE), (2, 4): says(HERE)}, Support.CYCLE),
+        (([0, 4], [2]), [], {(0, 2): says(HERE), (2, 4): says(se2.make_motion(2.0, 0.0, 0.0))}, Support.NONE),
+        (([0, 4], [2]), [], {(0, 2): says(HERE), (2, 4): says(HERE, -1.0)}, Support.NONE),
+        (([0], [1]), [2], {(0, 1): says(HERE), (0, 2): says(HERE), (1, 2): says(HERE)}, Support.ECHO),
+        (([2], [4]), [5], {(2, 4): says(HERE), (2, 5): says(HERE), (4, 5): says(HERE)}, Support.CYCLE),
+        (
+            ([2], [4]),
+            [5],
+            {(2, 4): says(HERE), (2, 5): says(HERE), (4, 5): says(se2.make_motion(2.0, 0, 0))},
+            Support.NONE,
+        ),
     ],
     ids=[
         "alone",
@@ -72,10 +77,10 @@ def parts(cut_map):
         "a way to another place",
     ],
 )
-def test_a_cycle_confirms_if_each_way_rests_on_walls_of_its_own(parts, sides, over, known, confirmed):
+def test_a_cycle_confirms_if_each_way_rests_on_walls_of_its_own(parts, sides, over, known, support):
     relations = Relations([part.structure for part in parts], known, HypothesesConfig())
     first, second = (join([parts[k] for k in side]) for side in sides)
-    assert is_confirmed(HERE, (first, second), [parts[k] for k in over], relations, CycleConfig()) is confirmed
+    assert find_support(HERE, (first, second), [parts[k] for k in over], relations, CycleConfig()) is support
 
 
 def test_the_agreeing_walls_are_those_that_the_evidence_measures(parts):
@@ -118,23 +123,31 @@ def grow(found, hypotheses, **settings):
 def test_a_bridge_that_no_cycle_confirms_needs_the_higher_log_odds(found):
     alone = {pair: motions if pair == (0, 1) else () for pair, motions in found[2].items()}
     log_odds = max(motion.log_odds for motion in alone[(0, 1)])
-    joined = grow(found, alone, min_log_odds=log_odds - 0.01, cycle_log_odds=1.0)
-    apart = grow(found, alone, min_log_odds=log_odds + 0.01, cycle_log_odds=1.0)
+    joined = grow(found, alone, min_log_odds=log_odds - 0.01, cycle_log_odds=1.0, echo_log_odds=1.0)
+    apart = grow(found, alone, min_log_odds=log_odds + 0.01, cycle_log_odds=1.0, echo_log_odds=1.0)
     assert [group.members for group in joined.groups] == [(0, 1), (2,)]
     assert [group.members for group in apart.groups] == [(0,), (1,), (2,)]
 
 
 def test_a_cycle_lets_a_weaker_motion_join_and_makes_it_surer(found):
     surest = max(motion.log_odds for motions in found[2].values() for motion in motions)
-    agreement = grow(found, found[2], min_log_odds=surest + 1.0, cycle_log_odds=surest + 1.0)
+    asked = surest + 1.0
+    agreement = grow(found, found[2], min_log_odds=asked, cycle_log_odds=asked, echo_log_odds=0.0)
     assert [group.members for group in agreement.groups] == [(0, 1, 2)]
     first = agreement.joins[0]
     alone = max(motion.log_odds for motion in found[2][first.members + first.others])
     assert first.motion_log_odds == alone
     assert first.log_odds == log_odds_of_step(alone, True, StepProbabilityConfig())
     assert first.log_odds > log_odds_of_step(alone, False, StepProbabilityConfig())
-    unheard = grow(found, found[2], min_log_odds=surest + 1.0, cycle_log_odds=0.0)
+    unheard = grow(found, found[2], min_log_odds=asked, cycle_log_odds=0.0, echo_log_odds=0.0)
     assert [group.members for group in unheard.groups] == [(0,), (1,), (2,)]
+
+
+def test_an_echo_lets_a_motion_join_that_is_a_little_weaker(found):
+    surest = max(motion.log_odds for motions in found[2].values() for motion in motions)
+    agreement = grow(found, found[2], min_log_odds=surest + 0.9, cycle_log_odds=1.0, echo_log_odds=1.0)
+    assert len(agreement.joins[0].members + agreement.joins[0].others) == 2
+    assert agreement.joins[0].motion_log_odds == surest
 
 
 def test_the_groups_that_are_judged_are_told(found):

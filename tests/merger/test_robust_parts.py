@@ -219,6 +219,7 @@ def test_a_motion_is_more_probable_with_more_agreement_less_conflict_and_no_riva
         lambda: CycleConfig(reach_m=0.0),
         lambda: CycleConfig(min_own_m=-1.0),
         lambda: ConsensusConfig(cycle_log_odds=-1.0),
+        lambda: ConsensusConfig(echo_log_odds=-1.0),
         lambda: ConsensusConfig(cycle_log_odds=10.0),
         lambda: RobustAveragingConfig(annealing=1.0),
         lambda: JointRefinementConfig(cutoffs_m=()),
