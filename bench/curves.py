@@ -1,5 +1,6 @@
 """Curves of a sweep: success against the swept value, and where it breaks."""
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -44,13 +45,20 @@ def success_curve(results: Results, key: str) -> pd.DataFrame:
 
 
 def breaking_points(curve: pd.DataFrame, key: str, hard_is_high: bool) -> pd.DataFrame:
-    """Where each method's success falls below 90 % and 50 %, coming from the easy end; a dash where it does not."""
+    """Where each method's success falls below 90 % and 50 %, coming from the easy end; a dash where it does not.
+
+    In brackets where the lower and where the upper ends of the intervals do, between which it lies.
+    """
     rows = []
     for method, group in curve.groupby("method", sort=False):
         row: dict[str, Any] = {"method": method, "swept": key}
         for level in LEVELS:
-            values, shares = [float(v) for v in group[key]], [float(s) for s in group["success"]]
-            row[f"below {100 * level:.0f} % at"] = breaking_point(values, shares, level, hard_is_high)
+            points = [
+                breaking_point(group[key].astype(float).tolist(), group[name].tolist(), level, hard_is_high)
+                for name in ("success", "success_low", "success_high")
+            ]
+            value, low, high = ("-" if math.isnan(point) else f"{point:.3g}" for point in points)
+            row[f"below {100 * level:.0f} % at"] = f"{value} ({low} to {high})"
         rows.append(row)
     return pd.DataFrame(rows)
 

@@ -81,8 +81,8 @@ class Score:
     runtime_overhead_s: float = math.nan
     """Wall time from when the row's dataset is there until its scores are ready to be written, less the method's
     (``runtime_s``): starting and ending processes, reading maps, copying them for a command, writing and keeping the
-    answer, the reference workload, reading the truth, scoring. What comes once a sweep is not in it but in the report:
-    starting the server of processes, gathering rows, drawing."""
+    answer, the reference workload, reading the truth, scoring. What comes once a sweep is not in it: starting the
+    program and its server of processes, and drawing the report, which says how long that took."""
     runtime_ratio: float = math.nan
     """Processor time of the method, all its threads and processes, over that of the reference workload (a few ms), run
     in the same process right after it: what other programs do meanwhile hardly changes it; waiting does not count."""
