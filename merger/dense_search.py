@@ -15,22 +15,18 @@ import numpy as np
 import numpy.typing as npt
 
 from merger import se2
+from merger.correlation import Image, correlate, find_spectrum, half_turn, turn_image
 from merger.peak_kernel import find_peaks
+from merger.wall_directions import are_parallel, describe_directions
 from merger.wall_kernels import FREE
 from merger.wall_structure import WallStructure
 
 Array = npt.NDArray[np.float64]
-Image = npt.NDArray[np.float32]
-Spectrum = npt.NDArray[np.complex64]
 
 _CORE_QUANTILES = (0.01, 0.99)
 """The walls between these quantiles are searched."""
 _NOTHING = 1e-3
 """Rewards smaller than this are none."""
-_HARMONICS = np.arange(17)
-"""Of the directions of a map's walls, which count alike after a quarter turn: most walls meet at right angles."""
-_PARALLEL_RAD = np.radians(3.0)
-"""Walls that differ by about this are parallel."""
 
 
 @dataclass(frozen=True)
@@ -131,16 +127,7 @@ def coarsen(structure: WallStructure, config: DenseSearchConfig) -> CoarseMap:
     space = _free_share(structure, center, side, config.cell_m) * clearance
     reward = likelihood - np.float32(config.free_weight) * space
     T_map_center = structure.T_map_field @ se2.make_motion(center[0], center[1], 0.0)
-    return CoarseMap(filled, reward.astype(np.float32), _directions(structure), T_map_center)
-
-
-def _directions(structure: WallStructure) -> npt.NDArray[np.complex128]:
-    """Fourier coefficients of the wall length by direction; what is no line has none."""
-    walls = structure.walls
-    angle = np.arctan2(walls.normals[:, 1], walls.normals[:, 0])
-    first = np.exp(-4j * angle)
-    powers = np.cumprod(np.vstack([np.ones_like(first), np.tile(first, (len(_HARMONICS) - 1, 1))]), axis=0)
-    return np.asarray(np.einsum("ij,j", powers, walls.lengths_m * walls.linearity**2))
+    return CoarseMap(filled, reward.astype(np.float32), describe_directions(walls), T_map_center)
 
 
 def _free_share(structure: WallStructure, center: Array, side: int, cell_m: float) -> Image:
@@ -185,39 +172,29 @@ def search_motions(targets: Sequence[CoarseMap], source: CoarseMap, config: Dens
     last = len(source.walls) - 1
     crops = [_crop(target) for target in targets]
     shape = tuple(cv2.getOptimalDFTSize(last + max(side)) for side in zip(*(c.walls.shape for c in crops), strict=True))
-    spectra = [(_spectrum(crop.walls, shape), _spectrum(crop.reward, shape)) for crop in crops]
-    flip = _flip(last, shape)
+    spectra = [(find_spectrum(crop.walls, shape), find_spectrum(crop.reward, shape)) for crop in crops]
+    flip = half_turn(last, shape)
     found: list[list[Array]] = [[] for _ in targets]
     angles = config.angles_rad[: len(config.angles_rad) // 2]
-    tried = np.array([_are_parallel(target, source, angles, config) for target in targets])
+    tried = np.array(
+        [are_parallel(target.directions, source.directions, angles, config.min_parallel) for target in targets]
+    )
     for angle, by in zip(angles, tried.T, strict=True):
         if not by.any():
             continue
-        walls, reward = (_spectrum(_rotate(image, float(angle)), shape) for image in (source.walls, source.reward))
+        walls, reward = (
+            find_spectrum(turn_image(image, float(angle)), shape) for image in (source.walls, source.reward)
+        )
         # The spectrum of an image turned by half a turn is the conjugate one, but for a shift.
         turned = ((angle, np.conj(walls) * flip, np.conj(reward) * flip), (angle + np.pi, walls, reward))
         for angle_rad, w, r in turned:
             for number in np.flatnonzero(by):
-                value, row, col = find_peaks(_score(w, r, *spectra[number], shape), config.num_peaks_rotation)
+                value, row, col = find_peaks(correlate((w, r), spectra[number], shape), config.num_peaks_rotation)
                 found[number].append(np.stack([value, np.full(len(row), angle_rad), row, col], axis=-1))
     return [
         _separate(np.concatenate(peaks), target, crop, source, config)
         for peaks, target, crop in zip(found, targets, crops, strict=True)
     ]
-
-
-def _are_parallel(
-    target: CoarseMap, source: CoarseMap, angles_rad: Array, config: DenseSearchConfig
-) -> npt.NDArray[np.bool_]:
-    """(R,) whether each rotation, or its opposite, lays enough walls of the two maps parallel to be tried.
-
-    All walls of one building share its few directions, so the true rotation lays many parallel, whatever the overlap.
-    Those at right angles count, too: two maps that look along two corridors share walls that are few in one of them.
-    """
-    weight = np.where(_HARMONICS > 0, 2.0, 1.0) * np.exp(-0.5 * (4.0 * _HARMONICS * _PARALLEL_RAD) ** 2)
-    series = weight * target.directions * np.conj(source.directions)
-    parallel = (np.exp(4j * np.outer(angles_rad, _HARMONICS)) @ series).real
-    return np.asarray(parallel >= config.min_parallel * parallel.max())
 
 
 def _crop(target: CoarseMap) -> _Crop:
@@ -228,34 +205,6 @@ def _crop(target: CoarseMap) -> _Crop:
         return _Crop(target.walls, target.reward, 0, 0)
     part = (slice(rows[0], rows[-1] + 1), slice(cols[0], cols[-1] + 1))
     return _Crop(target.walls[part], target.reward[part], int(rows[0]), int(cols[0]))
-
-
-def _spectrum(image: Image, shape: tuple[int, ...]) -> Spectrum:
-    """The left half, (H, W // 2 + 1), of an image's spectrum, the image filled with zeros to a (H, W) shape."""
-    padded = np.zeros(shape, np.float32)
-    padded[: image.shape[0], : image.shape[1]] = image
-    full = cv2.dft(padded, flags=cv2.DFT_COMPLEX_OUTPUT).view(np.complex64)[:, :, 0]
-    return np.ascontiguousarray(full[:, : shape[1] // 2 + 1])
-
-
-def _flip(last: int, shape: tuple[int, ...]) -> Spectrum:
-    """What turns the conjugate spectrum of a square image into that of the image turned by half a turn."""
-    rows, cols = np.arange(shape[0]) / shape[0], np.arange(shape[1] // 2 + 1) / shape[1]
-    return np.asarray(np.exp(-2j * np.pi * last * (rows[:, None] + cols)), np.complex64)
-
-
-def _score(w: Spectrum, r: Spectrum, target_w: Spectrum, target_r: Spectrum, shape: tuple[int, ...]) -> Image:
-    """Correlation of both directions; ``w`` and ``r`` are of the source, turned by half a turn."""
-    product = w * target_r
-    product += r * target_w
-    return np.asarray(np.fft.irfft2(product, shape), np.float32)
-
-
-def _rotate(image: Image, angle_rad: float) -> Image:
-    """Turn an image about its middle, counter-clockwise in the frame x = column, y = row."""
-    middle = (len(image) - 1) / 2.0
-    matrix = cv2.getRotationMatrix2D((middle, middle), -np.degrees(angle_rad), 1.0)
-    return np.asarray(cv2.warpAffine(image, matrix, image.shape[::-1], flags=cv2.INTER_LINEAR), np.float32)
 
 
 def _separate(found: Array, target: CoarseMap, crop: _Crop, source: CoarseMap, config: DenseSearchConfig) -> list[Peak]:
