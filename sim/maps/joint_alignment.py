@@ -37,10 +37,10 @@ class JointAlignmentConfig:
     """Each scan is compared with so many of the others, evenly spread from the nearest to the farthest ..."""
     others_m: float = 20.0
     """... within this distance: near ones hold it firmly, far ones hold its heading."""
-    first_reach_m: float = 0.7
-    """Largest distance between corresponding points at the first step."""
-    last_reach_m: float = 0.25
-    """The same at the last step."""
+    first_reach_m: float = 0.4
+    """Largest distance between corresponding points at the first step: what matching in turn may be off by."""
+    last_reach_m: float = 0.15
+    """The same at the last step: farther away lie other things, which bend maps that were right."""
     sigma_m: float = 0.03
     """Standard deviation of a residual."""
     pair_weight: float = 0.1
