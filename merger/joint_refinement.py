@@ -162,7 +162,7 @@ def _stretch(taken: Array, steps: Array) -> float:
     """How far to go along the steps, by how much the last ones, which were taken, made them shorter."""
     shortened = float(((taken - steps) * taken).sum())
     length = float((taken * taken).sum())
-    return min(max(length / shortened, 1.0), _LONGEST_STRETCH) if shortened > 0.0 else _LONGEST_STRETCH
+    return min(max(length / shortened, 1.0), _LONGEST_STRETCH) if shortened > 0.0 else 1.0
 
 
 def _weigh_pairs(structures: Sequence[WallStructure], T: Array, pairs: _Pairs, config: JointRefinementConfig) -> _Pairs:
