@@ -90,8 +90,8 @@ def _sweep_chapters(settings: BenchSettings, results: Results, folder: Path) -> 
         table = None
         if pd.api.types.is_numeric_dtype(curve[key]):
             table = curves.breaking_points(curve, key, settings.hard_is_high.get(key, True))
-        text = _BREAKING_TEXT
-        chapters.append(Section(f"Breaking points: {key}", text, (curves.draw_success(curve, key, folder),), table))
+        pictures = (curves.draw_success(curve, key, folder), curves.draw_costs(results, key, folder))
+        chapters.append(Section(f"Breaking points: {key}", _BREAKING_TEXT, tuple(p for p in pictures if p), table))
     return chapters
 
 

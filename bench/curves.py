@@ -1,5 +1,6 @@
 """Curves of a sweep: success against the swept value, and where it breaks."""
 
+import itertools
 import math
 from pathlib import Path
 from typing import Any
@@ -74,6 +75,44 @@ def draw_success(curve: pd.DataFrame, key: str, folder: Path) -> Picture:
     alt = f"Success of {', '.join(methods)} against {key} and placed maps that are wrong, with 95 % intervals."
     label = Label(f"success-{key}", f"Success against {key}", alt)
     return drawing.save_picture(panels, [(m, colours[m]) for m in methods], folder, label, curve)
+
+
+def draw_costs(results: Results, key: str, folder: Path) -> Picture | None:
+    """Time and memory of each method against a swept number: the median and the range; none where nothing ran."""
+    known = results.scores[results.scores["status"] == "ok"]
+    if known.empty or not _numeric(known[key]):
+        return None
+    columns = {
+        f"{score}_{part}": pd.NamedAgg(score, part)
+        for score, part in itertools.product(("runtime_s", "peak_memory_mb"), ("median", "min", "max"))
+    }
+    table = known.groupby(["method", key], sort=True).agg(**columns).reset_index()
+    methods = [str(m) for m in dict.fromkeys(table["method"])]
+    colours = drawing.method_colours(methods)
+    panels = [
+        _draw_range(table, key, score, title)
+        for score, title in (("runtime_s", "time, s"), ("peak_memory_mb", "peak memory, MiB"))
+    ]
+    alt = f"Time and peak memory of {', '.join(methods)} against {key}: medians, with bars from the least to the most."
+    label = Label(f"costs-{key}", f"Time and memory against {key}", alt)
+    return drawing.save_picture(panels, [(m, colours[m]) for m in methods], folder, label, table)
+
+
+def _draw_range(table: pd.DataFrame, key: str, score: str, title: str) -> Svg:
+    """The median and the range of a score of each method against a swept number."""
+    colours = drawing.method_colours([str(m) for m in dict.fromkeys(table["method"])])
+    with drawing.style():
+        figure = drawing.new_figure(*drawing.CURVE_SIZE_IN)
+        axis = figure.subplots()
+        for method, group in table.groupby("method", sort=False):
+            x, middle = group[key].to_numpy(dtype=float), group[f"{score}_median"].to_numpy(dtype=float)
+            low, high = (group[f"{score}_{end}"].to_numpy(dtype=float) for end in ("min", "max"))
+            bars = np.stack([middle - low, high - middle])
+            axis.errorbar(x, middle, yerr=bars, fmt="o-", color=colours[str(method)], capsize=3, linewidth=2)
+        axis.set(title=title, xlabel=key)
+        axis.set_ylim(bottom=0.0)
+        axis.grid(visible=True)
+    return drawing.render(figure, f"{score}-{key}")
 
 
 def _draw_shares(curve: pd.DataFrame, key: str, name: str, title: str) -> Svg:
