@@ -7,18 +7,16 @@ the multi-view registration of [Zhu14], with the residuals of `wall_alignment`, 
 [Barzilai 1988], since thick walls that overlap pull too little.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from itertools import combinations
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from merger import se2
-from merger.alignment_kernel import sum_equations_onto, sum_gaps_onto
+from merger.joint_equations import JointEquationsConfig, Pairs, sum_pair_equations, weigh_pairs
 from merger.robust_averaging import solve_blocks
-from merger.wall_kernels import View, Walls
 from merger.wall_structure import WallStructure
 
 Array = npt.NDArray[np.float64]
@@ -35,24 +33,14 @@ class JointRefinementConfig:
         ValueError: a setting is out of its range.
     """
 
+    equations: JointEquationsConfig = field(default_factory=JointEquationsConfig)
+    """What pairs of maps say, and how much each counts."""
     cutoffs_m: tuple[float, ...] = (0.3, 0.2, 0.15, 0.1, 0.1)
     """Distance beyond which a wall point has no say, metres, one for each step in which all pairs count alike; > 0."""
     last_cutoff_m: float = 0.08
     """The same for the steps after these, in which pairs count by how closely they agree; > 0."""
     num_last_steps: int = 8
     """How many there are at most, at least 0."""
-    least_cutoff_cells: float = 1.6
-    """No cut-off is below so many cells of the coarser map of a pair, > 0."""
-    gap_cutoff_m: float = 0.2
-    """Walls farther apart do not count when it is measured how closely a pair agrees, metres, > 0."""
-    closeness: float = 6.0
-    """A pair counts by this power of the inverse of how far its walls are apart, >= 0."""
-    prior_m: float = 5.0
-    """So many metres of wall that are as far apart as all pairs' walls are added to each pair's own, > 0."""
-    num_points: int = 2000
-    """Wall points of each map that are compared, at least 10."""
-    min_overlap_m: float = 1.0
-    """Pairs with less agreeing wall are left out, metres, > 0."""
     tolerance: float = 1e-4
     """The last steps end early once none is longer, metres and radians, > 0."""
     metre_variance_m3: float = 2.5e-3
@@ -64,15 +52,11 @@ class JointRefinementConfig:
         """Refuse values out of range."""
         if not self.cutoffs_m or min(self.cutoffs_m) <= 0.0:
             raise ValueError(f"cutoffs_m must be > 0 m, got {self.cutoffs_m}")
-        lengths = ("last_cutoff_m", "least_cutoff_cells", "gap_cutoff_m", "prior_m", "min_overlap_m")
-        for name in (*lengths, "tolerance", "metre_variance_m3", "independent_m"):
+        for name in ("last_cutoff_m", "tolerance", "metre_variance_m3", "independent_m"):
             if not getattr(self, name) > 0.0:
                 raise ValueError(f"{name} must be > 0, got {getattr(self, name)}")
-        if self.num_points < 10:
-            raise ValueError(f"num_points must be >= 10, got {self.num_points}")
-        for name in ("num_last_steps", "closeness"):
-            if not getattr(self, name) >= 0:
-                raise ValueError(f"{name} must be >= 0, got {getattr(self, name)}")
+        if self.num_last_steps < 0:
+            raise ValueError(f"num_last_steps must be >= 0, got {self.num_last_steps}")
 
 
 @dataclass(frozen=True)
@@ -83,34 +67,6 @@ class JointMotions:
     """(N, 3, 3) motions of the maps' frames ``map``; the first map's stays."""
     covariance: Array
     """(N, 3, 3) covariance of ``v = (x, y, theta)`` in ``T_root_map @ exp(v)``, relative to the first map."""
-
-
-class _Pairs(NamedTuple):
-    """Pairs of maps that overlap."""
-
-    edges: npt.NDArray[np.intp]
-    """(E, 2) maps (i, j)."""
-    weights: Array
-    """(E,) how much each counts."""
-
-
-class _Neighbourhood(NamedTuple):
-    """One map, and all that it is compared with."""
-
-    number: int
-    """Its number."""
-    owner: View
-    """The map itself, onto which the others are laid."""
-    numbers: npt.NDArray[np.intp]
-    """(K,) numbers of its pairs."""
-    sign: Array
-    """(K,) 1 where it is the first map of the pair, -1 where it is the second one."""
-    T_owner_partner: Array
-    """(K, 3, 3) motions of the other maps onto it, frames ``field``."""
-    walls: list[Walls]
-    """Their walls."""
-    least_cutoff_m: Array
-    """(K,) below which no cut-off is, metres."""
 
 
 def refine_jointly(
@@ -128,11 +84,11 @@ def refine_jointly(
     """
     T_map_field = np.stack([item.T_map_field for item in structures])
     edges = np.array(list(combinations(range(len(structures)), 2)), dtype=np.intp).reshape(-1, 2)
-    pairs = _Pairs(edges, np.ones(len(edges)))
+    pairs = Pairs(edges, np.ones(len(edges)))
     T, pairs = _take_steps(structures, T_root_map @ T_map_field, pairs, config.cutoffs_m, config)
-    pairs = _weigh_pairs(structures, T, pairs, config)
+    pairs = weigh_pairs(structures, T, pairs, config.equations)
     T, pairs = _take_steps(structures, T, pairs, (config.last_cutoff_m,) * config.num_last_steps, config)
-    pairs, H, _ = _equations(structures, T, pairs, config.last_cutoff_m, config)
+    pairs, H, _ = sum_pair_equations(structures, T, pairs, config.last_cutoff_m, config.equations)
     T_refined = T @ se2.invert(T_map_field)
     return JointMotions(T_refined, _covariance(pairs.edges, H, T_refined, config))
 
@@ -140,14 +96,14 @@ def refine_jointly(
 def _take_steps(
     structures: Sequence[WallStructure],
     T: Array,
-    pairs: _Pairs,
+    pairs: Pairs,
     cutoffs_m: Sequence[float],
     config: JointRefinementConfig,
-) -> tuple[Array, _Pairs]:
+) -> tuple[Array, Pairs]:
     """Refined (N, 3, 3) ``T_root_field``, and the pairs that are left: who does not meet at first never will."""
     taken, stretch = np.zeros((0, 3)), 1.0
     for cutoff_m in cutoffs_m:
-        pairs, H, g = _equations(structures, T, pairs, cutoff_m, config)
+        pairs, H, g = sum_pair_equations(structures, T, pairs, cutoff_m, config.equations)
         steps = solve_blocks(pairs.edges, pairs.weights[:, None, None] * H, pairs.weights[:, None] * g, len(T))
         if len(taken):
             stretch = _stretch(taken, steps)
@@ -163,57 +119,6 @@ def _stretch(taken: Array, steps: Array) -> float:
     shortened = float(((taken - steps) * taken).sum())
     length = float((taken * taken).sum())
     return min(max(length / shortened, 1.0), _LONGEST_STRETCH) if shortened > 0.0 else 1.0
-
-
-def _weigh_pairs(structures: Sequence[WallStructure], T: Array, pairs: _Pairs, config: JointRefinementConfig) -> _Pairs:
-    """Let pairs count by how closely their walls agree; the median counts 1."""
-    if len(pairs.edges) == 0:
-        return pairs
-    squares, lengths_m = np.zeros(len(pairs.edges)), np.zeros(len(pairs.edges))
-    for near in _neighbourhoods(structures, T, pairs.edges, config):
-        cutoffs_m = np.full(len(near.numbers), config.gap_cutoff_m)
-        squared, met_m = sum_gaps_onto(near.T_owner_partner, near.walls, near.owner, cutoffs_m)
-        squares[near.numbers] += squared
-        lengths_m[near.numbers] += met_m
-    mean = max(float(squares.sum() / max(lengths_m.sum(), 1e-9)), 1e-12)
-    apart = np.sqrt((squares / mean + config.prior_m) / (lengths_m + config.prior_m))
-    weights = apart**-config.closeness
-    return _Pairs(pairs.edges, weights / np.median(weights))
-
-
-def _equations(
-    structures: Sequence[WallStructure], T: Array, pairs: _Pairs, cutoff_m: float, config: JointRefinementConfig
-) -> tuple[_Pairs, Array, Array]:
-    """Pairs that overlap, with their blocks for the steps ``exp(v_i) @ T_root_field``, not yet weighted."""
-    H, g = np.zeros((len(pairs.edges), 3, 3)), np.zeros((len(pairs.edges), 3))
-    for near in _neighbourhoods(structures, T, pairs.edges, config):
-        cutoffs_m = np.maximum(cutoff_m, near.least_cutoff_m)
-        A, b = sum_equations_onto(near.T_owner_partner, near.walls, near.owner, cutoffs_m)
-        J = se2.adjoint(se2.invert(T[near.number]))
-        H[near.numbers] += J.T @ A @ J
-        g[near.numbers] -= near.sign[:, None] * (b @ J)
-    kept = H[:, 0, 0] + H[:, 1, 1] >= config.min_overlap_m
-    return _Pairs(pairs.edges[kept], pairs.weights[kept]), H[kept], g[kept]
-
-
-def _neighbourhoods(
-    structures: Sequence[WallStructure], T: Array, edges: npt.NDArray[np.intp], config: JointRefinementConfig
-) -> Iterator[_Neighbourhood]:
-    """Every map that has partners, with them."""
-    cells_m = np.array([item.fields.resolution_m for item in structures])
-    for owner, structure in enumerate(structures):
-        numbers = np.flatnonzero((edges == owner).any(axis=1))
-        partners = edges[numbers].sum(axis=1) - owner
-        if len(partners):
-            yield _Neighbourhood(
-                owner,
-                structure.view(config.num_points),
-                numbers,
-                np.where(edges[numbers, 0] == owner, 1.0, -1.0),
-                se2.invert(T[owner]) @ T[partners],
-                [structures[k].sample(config.num_points) for k in partners],
-                config.least_cutoff_cells * np.maximum(cells_m[owner], cells_m[partners]),
-            )
 
 
 def _covariance(edges: npt.NDArray[np.intp], H: Array, T: Array, config: JointRefinementConfig) -> Array:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from merger import se2
+from merger.joint_equations import JointEquationsConfig
 from merger.joint_refinement import JointRefinementConfig, refine_jointly
 from merger.wall_structure import WallStructureConfig, extract_structure
 
@@ -21,8 +22,8 @@ def test_a_bent_map_hardly_moves_the_others(cut_map):
     grids[2] = replace(grids[2], log_odds=cells)
     structures = [extract_structure(grid, WallStructureConfig()) for grid in grids]
     errors_m = []
-    for closeness in (0.0, JointRefinementConfig().closeness):
-        joint = refine_jointly(structures, T, JointRefinementConfig(closeness=closeness))
+    for equations in (JointEquationsConfig(closeness=0.0), JointEquationsConfig()):
+        joint = refine_jointly(structures, T, JointRefinementConfig(equations))
         errors_m.append(np.hypot(*(joint.T_root_map[1] - T[1])[:2, 2]))
     assert errors_m[0] > 0.002
     assert errors_m[1] < 0.2 * errors_m[0]
@@ -41,3 +42,18 @@ def test_joint_refinement_does_not_depend_on_which_map_comes_first(cut_map, nudg
         [structures[k] for k in order], se2.invert(start[2]) @ start[order], JointRefinementConfig()
     ).T_root_map
     assert turned == pytest.approx((se2.invert(forward[2]) @ forward)[order], abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: JointEquationsConfig(closeness=-1.0), "closeness must be >= 0, got -1"),
+        (lambda: JointEquationsConfig(num_points=5), "num_points must be >= 10, got 5"),
+        (lambda: JointEquationsConfig(prior_m=0.0), "prior_m must be > 0, got 0"),
+        (lambda: JointRefinementConfig(last_cutoff_m=0.0), "last_cutoff_m must be > 0, got 0"),
+        (lambda: JointRefinementConfig(num_last_steps=-1), "num_last_steps must be >= 0, got -1"),
+    ],
+)
+def test_settings_out_of_range_are_refused_with_name_and_value(make, words):
+    with pytest.raises(ValueError, match=words):
+        make()
