@@ -39,9 +39,9 @@ class JointRefinementConfig:
     """Distance beyond which a wall point has no say, metres, one for each step in which all pairs count alike; > 0."""
     last_cutoff_m: float = 0.08
     """The same for the steps after these, in which pairs count by how closely they agree; > 0."""
-    num_last_steps: int = 8
+    num_last_steps: int = 12
     """How many there are at most, at least 0."""
-    tolerance: float = 1e-4
+    tolerance: float = 3e-5
     """The last steps end early once none is longer, metres and radians, > 0."""
     metre_variance_m3: float = 2.5e-3
     """Variance of what one metre of wall says about a shift: residuals of 0.05 m, independent every metre; > 0."""
