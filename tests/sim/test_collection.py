@@ -4,6 +4,7 @@ import csv
 import multiprocessing
 import os
 import signal
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -84,10 +85,12 @@ def test_a_dataset_that_cannot_be_made_is_a_row_with_its_reason_and_the_others_a
 
 
 def test_killed_at_any_moment_nothing_half_made_passes_for_a_dataset_and_starting_again_finishes_it(items, tmp_path):
+    start_s = time.perf_counter()
     make(items, tmp_path / "whole")
+    longest_s = time.perf_counter() - start_s
     rng = np.random.default_rng(0)
     out = tmp_path / "killed"
-    num_killed, longest_s, sound = 0, 1.0, set()
+    num_killed, sound = 0, set()
     for round_ in range(NUM_KILLS):
         child = multiprocessing.get_context("fork").Process(target=make, args=(items, out / str(round_ // 5)))
         child.start()
@@ -99,7 +102,7 @@ def test_killed_at_any_moment_nothing_half_made_passes_for_a_dataset_and_startin
         for index in set(out.rglob("dataset.json")) - sound:
             assert check_dataset(index.parent) == []
             sound.add(index)
-    assert num_killed >= NUM_KILLS // 2
+    assert num_killed >= NUM_KILLS // 4
     for part in out.iterdir():
         assert make(items, part) == {}
         assert checksums(part) == checksums(tmp_path / "whole")
