@@ -6,7 +6,7 @@ contradicts their neighbours' free space dies here; a motion that two maps alone
 Nothing is joined below a fixed probability, to which a cycle adds: what is left stays apart, with its reason.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -134,12 +134,9 @@ def grow_groups(
             return Agreement((formation,), tuple(joins), ())
         joined = _describe(formation, maps, config.structure)
         best = {key: value for key, value in best.items() if not {a, b} & set(key)}
-        for other in sorted(groups):
-            pair = (joined, groups[other]) if joined.members < other else (groups[other], joined)
-            found = _try_motions(*pair, hypotheses, config)
-            if found:
-                best[(pair[0].members, pair[1].members)] = found
-                watch(*pair, found)
+        for one, other, found in _motions_from(joined, groups, hypotheses, config):
+            best[(one.members, other.members)] = found
+            watch(one, other, found)
         groups[joined.members] = joined
     ordered = sorted(groups.values(), key=lambda group: (-len(group.members), group.members))
     remaining = tuple((a, b, _surest(items)) for (a, b), items in sorted(best.items()))
@@ -177,6 +174,16 @@ def _describe(formation: Formation, maps: Sequence[GridMap], config: WallStructu
     merged = composite_maps(own, formation.T_group_map, own[0].T_map_grid, cell_m, CompositingConfig())
     structure = extract_structure(replace(merged, name=own[0].name), config)
     return Group(formation.members, formation.T_group_map, structure)
+
+
+def _motions_from(
+    joined: Group, groups: dict[Key, Group], hypotheses: PairHypotheses, config: ConsensusConfig
+) -> Iterator[tuple[Group, Group, tuple[Hypothesis, ...]]]:
+    """The judged motions between a new group and each other group that shares one with it."""
+    for key, group in sorted(groups.items()):
+        one, other = (joined, group) if joined.members < key else (group, joined)
+        if found := _try_motions(one, other, hypotheses, config):
+            yield one, other, found
 
 
 def _try_motions(a: Group, b: Group, hypotheses: PairHypotheses, config: ConsensusConfig) -> tuple[Hypothesis, ...]:

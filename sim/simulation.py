@@ -122,8 +122,7 @@ def drive(
     crowd = _make_crowd(world, router, config.people, starts, seed)
     space = make_space(world.segments)
     drivers = _make_drivers(space, config.robot, router, starts, errands)
-    duration_s = config.max_duration_s if config.duration_s is None else config.duration_s
-    clock = Clock(scan_period_s, min(duration_s, config.max_duration_s))
+    clock = Clock(scan_period_s, min(config.duration_s or math.inf, config.max_duration_s))
     recording = run_space(space, drivers, crowd, router, clock)
     trajectories = _trajectories(recording, clock, config.odometry, seed if noise_seed is None else noise_seed)
     return Simulation(trajectories, _moving(recording, clock, config.robot.radius_m))
