@@ -83,7 +83,7 @@ def _write_legend(legend: Legend, width: float, top: float) -> list[str]:
         if left + needed > width:
             rows.append([])
             left = 0.0
-        y = top + _ROW_PX * len(rows) - _SWATCH_PX / 2.0
+        y = top + _ROW_PX * (len(rows) - 0.5) - _SWATCH_PX / 2.0
         rows[-1].append(
             f'<rect x="{left:g}" y="{y:g}" width="{_SWATCH_PX:g}" height="{_SWATCH_PX:g}" fill="{colour}"/>'
             f'<text x="{left + _SWATCH_PX + 5.0:g}" y="{y + 9.0:g}" {FONT} font-size="11" fill="{INK}">'
