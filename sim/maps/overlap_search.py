@@ -79,7 +79,7 @@ def find_cuts(
         map_part: Maps a part.
 
     Raises:
-        ValueError: the mean over all neighbours is not within 0.03 of the target.
+        ValueError: the mean over all neighbours is not within 0.03 of the target, or there are no neighbours.
     """
     robots = [_Robot(run, find_seen_walls(run, occupancy, _BLOCKS_PER_PART * count)) for run in runs]
     numbered = enumerate(_cut_equally(robots, count, target))
@@ -87,7 +87,11 @@ def find_cuts(
     for robot, nominal in itertools.groupby(numbered, key=lambda item: item[1].robot):
         parts += _find_chain(robots[robot], list(nominal), target, map_part)
     overlaps = [part.overlap for part in parts if not math.isnan(part.overlap)]
-    measured = float(np.mean(overlaps)) if overlaps else float("nan")
+    if not overlaps:
+        raise ValueError(
+            f"submaps.measured_overlap={target:g} needs neighbours, and {count} submaps of {len(runs)} runs have none"
+        )
+    measured = float(np.mean(overlaps))
     if not abs(measured - target) <= TOLERANCE:
         raise ValueError(
             f"submaps.measured_overlap={target:g} cannot be met with {count} submaps: the nearest is {measured:.2f}"

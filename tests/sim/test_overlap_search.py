@@ -32,6 +32,12 @@ def test_an_overlap_that_no_cut_has_is_refused_with_the_nearest(tmp_path: Path) 
         make_dataset(config, tmp_path / "tim")
 
 
+def test_submaps_without_neighbours_are_refused(tmp_path: Path) -> None:
+    config = SimConfig(world="tim", num_robots=2, duration_s=10.0, submaps=SubmapsConfig(count=2, measured_overlap=0.3))
+    with pytest.raises(ValueError, match=r"measured_overlap=0\.3 needs neighbours, and 2 submaps of 2 runs have none"):
+        make_dataset(config, tmp_path / "tim")
+
+
 @pytest.mark.parametrize("value", [0.0, 1.0, -0.1])
 def test_an_overlap_out_of_range_is_refused_by_name(value: float) -> None:
     with pytest.raises(ValueError, match="measured_overlap"):
