@@ -26,10 +26,6 @@ PAIR_COLOURS = {"tree": "#d1495b", "reliable": "#f2b134", "rejected": "#7f8794",
 """Colours of relative motions: in the tree, confirmed, rejected, none."""
 CURVE_SIZE_IN = (5.4, 3.9)
 """Width and height of a panel with curves."""
-RIGHT_COLOUR = "#18a058"
-"""What is right."""
-WRONG_COLOUR = "#d1495b"
-"""What is wrong."""
 
 
 @dataclass(frozen=True)

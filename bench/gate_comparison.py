@@ -15,7 +15,6 @@ FINGERPRINT = "objective_floor"
 _SAME_DATA = 5e-3
 _ROUNDING = 1e-9
 _OK = "ok"
-_SKIPPED = "skipped"
 
 
 @dataclass(frozen=True)

@@ -50,24 +50,6 @@ def write_results(folder: Path, results: Results) -> None:
     write_bytes(folder / "scores.parquet", buffer.getvalue())
 
 
-def read_results(folder: Path) -> Results:
-    """Read what `write_results` wrote.
-
-    Raises:
-        ValueError: the folder holds no scores.
-    """
-    tables = []
-    for name in ("scores", "maps", "pairs"):
-        path = folder / f"{name}.csv"
-        if not path.is_file():
-            raise ValueError(f"{folder}: no {name}.csv: not a folder of results")
-        text = path.read_text(encoding="utf-8")
-        tables.append(pd.read_csv(io.StringIO(text)) if text.strip() else pd.DataFrame())
-    known = set(tables[0].columns[: list(tables[0].columns).index("peak_memory_mb") + 1])
-    scores, maps, pairs = tables
-    return Results(scores, maps, pairs, tuple(c for c in scores.columns if c not in known))
-
-
 def summarize(results: Results, by: Sequence[str]) -> pd.DataFrame:
     """One row a group: success with its 95 % interval, placed and wrong maps, errors, times.
 

@@ -34,6 +34,7 @@ _SHORTEST = 0.25
 _FIRST_SHARES = (1.0, 0.7, 0.4)
 """Lengths of a robot's first part that are tried, over the equal one."""
 _BLOCKS_PER_PART = 60
+"""Blocks of scans for each part; what a part sees is known from block to block."""
 _STARTS = 30
 """First scans that are tried for each last one."""
 
