@@ -7,12 +7,12 @@ from pathlib import Path
 import yaml
 
 from bench import code_version
-from bench.chapters import make_chapters
-from bench.report import Report, write_report
+from bench.reports.chapters import make_chapters
+from bench.reports.report import Report, write_report
+from bench.reports.tables import Results, format_table, gather, records_of, write_results
 from bench.settings import BenchSettings
 from bench.stages import ScoredCell
 from bench.store import write_text
-from bench.tables import Results, format_table, gather, records_of, write_results
 from sim.config import to_plain_dict
 
 

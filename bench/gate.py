@@ -10,11 +10,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from bench.baseline import read_baseline, write_baseline
-from bench.gate_comparison import Comparison, Finding, compare_rows
-from bench.gate_rows import cell_label, read_rows
-from bench.gate_tolerances import ANOTHER_MACHINE, COSTS, change_tolerances
-from bench.junit import write_junit
+from bench.gates.baseline import read_baseline, write_baseline
+from bench.gates.comparison import Comparison, Finding, compare_rows
+from bench.gates.junit import write_junit
+from bench.gates.rows import cell_label, read_rows
+from bench.gates.tolerances import ANOTHER_MACHINE, COSTS, change_tolerances
 
 _SHOWN = 200
 _COLUMNS = ("cell", "seed", "score", "before", "after", "tolerance")
@@ -29,7 +29,7 @@ class GateConfig:
     baseline: Path
     """The baseline's JSON file."""
     tolerances: Mapping[str, float] = field(default_factory=dict)
-    """Absolute tolerances that replace those of `bench.gate_tolerances.TOLERANCES`, by score."""
+    """Absolute tolerances that replace those of `bench.gates.tolerances.TOLERANCES`, by score."""
     costs: bool = True
     """Whether time and memory are judged, and kept in baselines."""
 

@@ -2,9 +2,10 @@
 
 Each dataset gives the motions in question of its pairs and of the groups that a consensus forms, right ones and wrong
 ones by its truth; the first maps of neighbouring datasets give strangers. Printed are the coefficients of
-`merger.pair_probability.ProbabilityConfig`; how good they are, and those in use, on buildings that the fit has not
-seen; recall by overlap at one false accept in 1,000; and the log-odds of the right and wrong steps of a consensus that
-accepts nearly everything, from which `ConsensusConfig.min_log_odds` is chosen. The same datasets give the same text.
+`merger.robust.pair_probability.ProbabilityConfig`; how good they are, and those in use, on buildings that the fit has
+not seen; recall by overlap at one false accept in 1,000; and the log-odds of the right and wrong steps of a consensus
+that accepts nearly everything, from which `ConsensusConfig.min_log_odds` is chosen.
+The same datasets give the same text.
 
 Note:
     Last run on 86 datasets of 28 buildings: Intel, Fr079 and aces, whole, thinned to every 2nd to 20th scan, with half
@@ -18,8 +19,8 @@ Note:
     another place. Alone two of them have log-odds above 3, 3.5 and 5.2 (aces with shaken poses); ``min_log_odds`` asks
     for 4. None has a cycle of walls of its own, as 34 of 100 right steps below 4 have: hence ``cycle_log_odds``. Pairs
     that say the same from the same walls echo 14 of 100 of those right steps and 2 of the 48: hence ``echo_log_odds``.
-    Fitted to all these steps, with the cycles, is `merger.pair_probability.StepProbabilityConfig`: on buildings held
-    out its log loss is 0.029, against 0.038 of the motions' log-odds as they are.
+    Fitted to all these steps, with the cycles, is `merger.robust.pair_probability.StepProbabilityConfig`: on buildings
+    held out its log loss is 0.029, against 0.038 of the motions' log-odds as they are.
 """
 
 import argparse
@@ -33,8 +34,8 @@ import numpy.typing as npt
 import scipy.optimize
 
 from bench.pair_samples import Samples, collect_samples
-from bench.statistics import wilson_share
-from merger.pair_probability import FEATURES, ProbabilityConfig
+from bench.scoring.statistics import wilson_share
+from merger.robust.pair_probability import FEATURES, ProbabilityConfig
 
 Array = npt.NDArray[np.float64]
 

@@ -13,13 +13,13 @@ import numpy as np
 import numpy.typing as npt
 
 from merger import se2
-from merger.consensus import Agreement, ConsensusConfig, Join, grow_groups
 from merger.grid_map import GridMap
-from merger.hypotheses import Hypothesis
-from merger.map_group import Group
 from merger.merge_config import MergeConfig
-from merger.pair_probability import features_of
-from merger.robust_stages import describe_maps, search_all_pairs
+from merger.robust.consensus import Agreement, ConsensusConfig, Join, grow_groups
+from merger.robust.hypotheses import Hypothesis
+from merger.robust.map_group import Group
+from merger.robust.pair_probability import features_of
+from merger.robust.stages import describe_maps, search_all_pairs
 from sim.datasets.dataset import Dataset, read_dataset
 
 Array = npt.NDArray[np.float64]
@@ -40,7 +40,7 @@ class Samples:
     """S motions in question, and J steps of consensus, with their truth."""
 
     features: Array
-    """(S, F) see `merger.pair_probability.features_of`."""
+    """(S, F) see `merger.robust.pair_probability.features_of`."""
     right: npt.NDArray[np.bool_]
     """(S,) whether the motion is right."""
     building: npt.NDArray[np.int64]

@@ -6,10 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from bench.cell import Cell, DatasetSpec, MethodKind, MethodSpec, Setting
-from bench.external import check_command
-from bench.methods import merge_config, python_methods
+from bench.mergers.external import check_command
+from bench.mergers.methods import merge_config, python_methods
+from bench.mergers.shipped import SHIPPED, shipped_command
 from bench.settings import OWN_METHODS, BenchSettings, DatasetSettings
-from bench.shipped import SHIPPED, shipped_command
 from sim.config import SimConfig, SourceKind
 
 ComposeSim = Callable[[Sequence[str]], SimConfig]

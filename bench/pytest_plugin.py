@@ -15,7 +15,7 @@ dictionary of ``result.json``. Both run in a process of their own. ``overrides``
 how much worse a score may get, ``costs=True`` judges time and memory, too, and ``name`` names the method.
 
 The baseline's path is relative to the test's file; ``pytest --merge-gate-update`` writes it.
-`bench.gate_tolerances` says what is compared.
+`bench.gates.tolerances` says what is compared.
 """
 
 from collections.abc import Callable
@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
-    from bench.gate_comparison import Comparison
+    from bench.gates.comparison import Comparison
 
 _UPDATE = "--merge-gate-update"
 
@@ -42,7 +42,7 @@ def merge_gate(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[..., 
     update = bool(request.config.getoption(_UPDATE))
 
     def gate(baseline: str | Path, **settings: Any) -> "Comparison":
-        from bench import merge_gate as gate_run  # noqa: PLC0415  # every pytest run loads this file: keep it light
+        from bench.gates import merge_gate as gate_run  # noqa: PLC0415  # every pytest run loads this file: keep it light
 
         config = gate_run.MergeGateConfig(
             baseline=request.path.parent / baseline,

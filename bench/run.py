@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 from bench.cell import Cell, DatasetSpec, Outcome
-from bench.isolation import warm_up
+from bench.mergers.isolation import warm_up
 from bench.stages import ScoredCell, failed_cell, finish_dataset, finish_prediction, finish_score, keys_of
 from bench.store import Store
 
@@ -21,7 +21,7 @@ _WARM_MODULES = [
     "scipy.spatial",
     "scipy.ndimage",
     "cv2",
-    "bench.warm_kernels",
+    "bench.scoring.warm_kernels",
 ]
 
 

@@ -12,12 +12,12 @@ import cv2
 
 from bench import code_version
 from bench.cell import Cell, DatasetSpec, MethodKind, MethodSpec, Outcome, hash_of
-from bench.isolation import Limits, run_isolated, start_server
-from bench.methods import call_method, python_methods
-from bench.prediction import PredictionError, read_prediction
-from bench.scores import score_failure, score_result
+from bench.mergers.isolation import Limits, run_isolated, start_server
+from bench.mergers.methods import call_method, python_methods
+from bench.scoring.prediction import PredictionError, read_prediction
+from bench.scoring.scores import score_failure, score_result
+from bench.scoring.yardstick import Yardstick, make_yardstick
 from bench.store import Store
-from bench.yardstick import Yardstick, make_yardstick
 from sim.config import num_submaps, to_plain_dict
 from sim.datasets.dataset import make_dataset, read_dataset
 
@@ -33,11 +33,11 @@ class ScoredCell:
     cell: Cell
     """What was measured."""
     score: dict[str, Any]
-    """Columns of `bench.scores.Score`."""
+    """Columns of `bench.scoring.scores.Score`."""
     maps: list[dict[str, Any]]
-    """Columns of `bench.scores.MapScore`, one per map."""
+    """Columns of `bench.scoring.scores.MapScore`, one per map."""
     pairs: list[dict[str, Any]]
-    """Columns of `bench.scores.PairScore`, one per pair."""
+    """Columns of `bench.scoring.scores.PairScore`, one per pair."""
     dataset: Path
     """Folder of the dataset."""
     result: Path
@@ -86,7 +86,7 @@ def finish_prediction(store: Store, cell: Cell, keys: CellKeys, retry_failed: bo
     if known and not (retry_failed and known["status"] != "ok"):
         return Outcome(**known)
     start_server()
-    importlib.import_module("bench.warm_kernels")  # once a sweep, as the server: no row is charged for it
+    importlib.import_module("bench.scoring.warm_kernels")  # once a sweep, as the server: no row is charged for it
     start = time.perf_counter()
     limits = Limits(cell.method.time_limit_s, cell.method.memory_limit_mb)
     with store.fill(store.prediction(keys.prediction)) as folder:

@@ -17,8 +17,8 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from bench.methods import merge_config
-from bench.statistics import wilson_share
+from bench.mergers.methods import merge_config
+from bench.scoring.statistics import wilson_share
 from bench.store import write_text
 from merger.pipeline import merge_maps
 from merger.result import MergeResult, PairStatus

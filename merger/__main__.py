@@ -9,10 +9,10 @@ from typing import NoReturn
 
 import cv2
 
-from merger.inputs import read_maps
+from merger.files.inputs import read_maps
+from merger.files.result_files import write_result
 from merger.pipeline import METHODS, MergeConfig, Method, merge_maps
 from merger.result import MergeResult
-from merger.result_files import write_result
 
 _MERGED, _NOTHING_MERGED, _BAD_INPUT = 0, 1, 2
 

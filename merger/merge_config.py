@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from merger.compositing import CompositingConfig
 from merger.features import FeatureConfig
 from merger.motion_averaging import MotionAveragingConfig
-from merger.motion_modes import MotionModesConfig
 from merger.pairwise import PairwiseConfig
 from merger.ransac import RansacConfig
 from merger.result import Method
-from merger.robust_config import RobustConfig
-from merger.shrinking_icp import ShrinkingIcpConfig
+from merger.rival.motion_modes import MotionModesConfig
+from merger.rival.shrinking_icp import ShrinkingIcpConfig
+from merger.robust.config import RobustConfig
 from merger.spanning_tree import SpanningTreeConfig
 from merger.trimmed_icp import TrimmedIcpConfig
 

@@ -7,8 +7,8 @@ from merger.assembly import assemble_result, composite_largest, place_maps, sort
 from merger.grid_map import GridMap
 from merger.merge_config import MergeConfig, Progress
 from merger.result import MergeResult, Method
-from merger.robust import merge_robustly
-from merger.sequential import merge_sequentially
+from merger.rival.sequential import merge_sequentially
+from merger.robust.pipeline import merge_robustly
 from merger.stage_clock import StageClock
 from merger.stages import confirm_motions, merge_all_pairs, prepare_maps, refine_motions
 

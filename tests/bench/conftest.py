@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.prediction import PredictedPair, Prediction
+from bench.scoring.prediction import PredictedPair, Prediction
 from merger import se2
 from sim.config import SimConfig, SourceConfig, SourceKind
 from sim.datasets.dataset import Dataset, make_dataset, read_dataset

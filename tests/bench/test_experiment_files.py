@@ -7,10 +7,10 @@ import pandas as pd
 import pytest
 from omegaconf import OmegaConf
 
-from bench import chapters, picture_chapters
 from bench.__main__ import compose_sim
 from bench.experiment import Experiment, write_experiment
 from bench.plan import plan_cells
+from bench.reports import chapters, picture_chapters
 from bench.run import RunOptions, run_cells
 from bench.settings import BenchSettings, DatasetSettings, read_settings
 from bench.store import Store

@@ -15,7 +15,7 @@ from bench.pair_calibration import (
     main,
 )
 from bench.pair_samples import Samples, collect_samples
-from merger.pair_probability import FEATURES, ProbabilityConfig
+from merger.robust.pair_probability import FEATURES, ProbabilityConfig
 
 TRUE = np.array([-2.0, -2.0, -1.0, -0.5, 1.0, -1.0])
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from bench.merge_gate import MergeGateConfig, run_merge_gate, score_on_dataset
-from bench.merger_call import load_merger, merger_command
+from bench.gates.merge_gate import MergeGateConfig, run_merge_gate, score_on_dataset
+from bench.mergers.merger_call import load_merger, merger_command
 from merger.pipeline import merge_maps
 
 ROOT = Path(__file__).parents[2]

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from bench.gate import GateConfig, check_gate, describe
-from bench.gate_tolerances import ANOTHER_MACHINE
+from bench.gates.tolerances import ANOTHER_MACHINE
 
 ROOT = Path(__file__).parents[2]
 BASELINE = ROOT / "tests" / "bench" / "baselines" / "full.json"

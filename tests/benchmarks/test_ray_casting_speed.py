@@ -15,7 +15,9 @@ from sim.sensors.lidar_noise import NOISE_PRESETS
 from sim.sensors.ray_casting import cast_rays
 from sim.sensors.segment_grid import build_segment_grid
 
-_spec = importlib.util.spec_from_file_location("pymunk_rays", Path(__file__).parents[1] / "sim" / "pymunk_rays.py")
+_spec = importlib.util.spec_from_file_location(
+    "pymunk_rays", Path(__file__).parents[1] / "sim" / "sensors" / "pymunk_rays.py"
+)
 pymunk_rays = importlib.util.module_from_spec(_spec)
 _spec.loader.exec_module(pymunk_rays)
 

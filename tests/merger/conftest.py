@@ -7,7 +7,7 @@ import pytest
 
 from merger import se2
 from merger.grid_map import GridMap
-from merger.wall_structure import WallStructure, WallStructureConfig, extract_structure
+from merger.robust.wall_structure import WallStructure, WallStructureConfig, extract_structure
 
 CutMap = Callable[..., GridMap]
 _CELL_M = 0.05

@@ -7,12 +7,12 @@ from scipy.spatial import cKDTree
 
 from merger import se2
 from merger.features import FeatureConfig
+from merger.files.result_json import to_json_dict
 from merger.grid_map import GridMap
 from merger.pipeline import MergeConfig, Method, merge_maps
 from merger.preparation import prepare_map
 from merger.random_streams import make_rng
 from merger.result import PairStatus
-from merger.result_json import to_json_dict
 from merger.spanning_tree import SpanningTreeConfig
 
 _PAPER = MergeConfig(method=Method.PAPER)

@@ -1,0 +1,1 @@
+"""What turns red: a run compared with a baseline, score by score and seed by seed."""

@@ -1,0 +1,129 @@
+"""Anybody's merger as a command: ``prog {maps} {out}`` reads a folder of maps and writes ``result.json``."""
+
+import resource
+import shlex
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from bench.mergers.isolation import Skipped, original_environment
+from bench.mergers.lifeline import die_with_parent
+from bench.mergers.submap_scans import write_submap_scans
+
+PLACEHOLDERS = ("{maps}", "{out}")
+"""What a command must contain."""
+SCANS = "{scans}"
+"""What a command may contain: a folder with the scans of each map, see `bench.mergers.submap_scans`."""
+SKIP_STATUS = 77
+"""Exit status of a command that cannot run here (as in Automake); its last line on stderr is the reason."""
+_ORDER = "order.txt"
+_TAIL_BYTES = 4096
+
+
+def check_command(command: str) -> None:
+    """Refuse a command that could not be called.
+
+    Raises:
+        ValueError: it is empty, cannot be split into words, or lacks a placeholder.
+    """
+    try:
+        words = shlex.split(command)
+    except ValueError as error:
+        raise ValueError(f"method.command: {error}: {command!r}") from None
+    missing = [name for name in PLACEHOLDERS if name not in command]
+    if not words or missing:
+        raise ValueError(f"method.command must contain {' and '.join(missing or PLACEHOLDERS)}, got {command!r}")
+
+
+def call_command(command: str, maps: Sequence[Path], out: Path) -> dict[str, Any]:
+    """Run an external method on copies of the maps, alone in a folder: the truth is nowhere near.
+
+    The folder holds the maps' YAML and image files; beside it lies ``order.txt``, their names in the order in which a
+    sequential method is to take them.
+
+    Args:
+        command: The command, split as a shell would, with ``{maps}`` and ``{out}``.
+        maps: YAML files of the maps, in order.
+        out: Where it may write; ``result.json`` is read from there.
+
+    Returns:
+        Its time and peak memory.
+
+    Raises:
+        Skipped: it ended with status 77.
+        RuntimeError: it could not be started, or ended with another status than 0 (or 1, with a ``result.json``).
+    """
+    with tempfile.TemporaryDirectory(prefix="mapmerge-") as folder:
+        copies = Path(folder) / "maps"
+        _copy_maps(maps, copies)
+        places = {"{maps}": str(copies), "{out}": str(out.absolute()), SCANS: str(_scans(command, maps, Path(folder)))}
+        words = [_fill_in(word, places) for word in shlex.split(command)]
+        start, start_cpu_s = time.perf_counter(), _children_cpu_s()
+        status, last_line = _run(words, Path(folder))
+        fields = {"wall_s": time.perf_counter() - start, "cpu_s": _children_cpu_s() - start_cpu_s}
+    if status == SKIP_STATUS:
+        raise Skipped(last_line or "the command says that it cannot run here")
+    answered = status == 0 or (status == 1 and (out / "result.json").is_file())  # 1: nothing could be merged
+    if not answered:
+        raise RuntimeError(f"the command ended with exit status {status}" + (f": {last_line}" if last_line else ""))
+    peak_mb = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024.0
+    return fields | {"peak_memory_mb": peak_mb}
+
+
+def _children_cpu_s() -> float:
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
+
+
+def _copy_maps(maps: Sequence[Path], folder: Path) -> None:
+    folder.mkdir()
+    for path in maps:
+        shutil.copy(path, folder / path.name)
+        shutil.copy(path.with_suffix(".pgm"), folder / path.with_suffix(".pgm").name)
+    (folder.parent / _ORDER).write_text("".join(f"{path.stem}\n" for path in maps), encoding="utf-8")
+
+
+def _scans(command: str, maps: Sequence[Path], folder: Path) -> Path:
+    """The folder for the scans, filled if the command asks for them."""
+    scans = folder / "scans"
+    scans.mkdir()
+    if SCANS in command:
+        write_submap_scans(maps[0].parent.parent, scans)
+    return scans
+
+
+def _fill_in(word: str, places: dict[str, str]) -> str:
+    for placeholder, place in places.items():
+        word = word.replace(placeholder, place)
+    return word
+
+
+def _run(words: list[str], folder: Path) -> tuple[int, str]:
+    """Run a command to its end: its exit status and the last line that it wrote to stderr."""
+    log = folder / "stderr.txt"
+    try:
+        with log.open("wb") as stderr:
+            done = subprocess.run(
+                words,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=stderr,
+                check=False,
+                env=original_environment() | {"PYTHONDONTWRITEBYTECODE": "1"},
+                preexec_fn=die_with_parent,  # the calling process has one thread
+            )
+    except OSError as error:
+        raise RuntimeError(f"the command cannot be started: {error.strerror}: {words[0]}") from None
+    return done.returncode, _last_line(log)
+
+
+def _last_line(log: Path) -> str:
+    """The last line of a file, from its last kilobytes: a program may have written any amount."""
+    with log.open("rb") as file:
+        file.seek(max(log.stat().st_size - _TAIL_BYTES, 0))
+        lines = file.read().decode("utf-8", errors="replace").strip().splitlines()
+    return " ".join(lines[-1].split())[:300] if lines else ""

@@ -1,0 +1,179 @@
+"""The paper's figures: matches and motions (6), an unreliable pair (7), coarse and fine (8), rivals (9)."""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from matplotlib.colors import to_hex
+
+from bench.reports import drawing
+from bench.reports.drawing import PAIR_COLOURS, Label, Picture, map_colours
+from bench.reports.exhibit import Exhibit
+from bench.reports.merged_picture import draw_merge, frame_of
+from bench.reports.panels import draw_image, draw_matrix
+from bench.scoring import pair_metrics
+from bench.scoring.prediction import PredictedPair
+from merger import se2
+
+_PAIR_WORDS = {
+    "tree": "in the tree",
+    "reliable": "reliable",
+    "rejected": "rejected",
+}
+
+
+def draw_pairs(exhibit: Exhibit, folder: Path) -> Picture:
+    """Fig. 6: true matches of each pair (a), pairs with a motion (b), tree, reliable and rejected motions (c)."""
+    names = [name.removeprefix("map_") for name in exhibit.prediction.names]
+    count = len(names)
+    inliers, words = np.zeros((count, count)), np.full((count, count), "no_match", dtype=object)
+    for pair in exhibit.prediction.pairs:
+        for i, j in ((pair.target, pair.source), (pair.source, pair.target)):
+            inliers[i, j] = 0.0 if np.isnan(pair.num_inliers) else pair.num_inliers
+            words[i, j] = _word(pair)
+    truth = exhibit.dataset.truth.T_world_map
+    wrong = np.full((count, count), "", dtype=object)
+    for pair in exhibit.prediction.pairs:
+        if pair.T_target_source is not None and not pair_metrics.is_right(pair, truth):
+            wrong[pair.target, pair.source] = wrong[pair.source, pair.target] = "✕"
+    nothing, found = np.full((count, count), "", dtype=object), np.where(words == "no_match", words, "rejected")
+    counts = np.where(inliers > 0, np.char.mod("%d", inliers), "").astype(object)
+    panels = [
+        draw_matrix("(a) true matches", names, _shade(inliers), counts),
+        draw_matrix("(b) pairs with a motion", names, _colour(found), nothing),
+        draw_matrix("(c) confirmed motions", names, _colour(words), wrong),
+    ]
+    legend = [(text, PAIR_COLOURS[key]) for key, text in _PAIR_WORDS.items()]
+    num_motions = sum(p.T_target_source is not None for p in exhibit.prediction.pairs)
+    alt = (
+        f"Three matrices of the {count} maps of {exhibit.label}: matches that agree, the {num_motions} pairs with a "
+        f"motion, and which of these are in the tree, confirmed or rejected; a cross: wrong, by the truth."
+    )
+    title = f"{exhibit.label}, {exhibit.method}: from matches to confirmed motions (Fig. 6)"
+    label = Label(_name("fig6", exhibit), title, alt)
+    return drawing.save_picture(panels, legend, folder, label, pd.DataFrame(exhibit.scored.pairs))
+
+
+def draw_coarse_fine(exhibit: Exhibit, folder: Path) -> Picture:
+    """Fig. 8: the merged map by coarse and by fine motions, beside the truth."""
+    truth = exhibit.dataset.truth.T_world_map
+    score = exhibit.scored.score
+    panels = [
+        (f"coarse: Obj. {score['objective_initial']:.3g} cells²", exhibit.T_world_map_initial),
+        (f"fine: Obj. {score['objective']:.3g} cells²", exhibit.T_world_map),
+        (f"truth: Obj. {score['objective_floor']:.3g} cells²", truth),
+    ]
+    alt = (
+        f"Merged map of {exhibit.label} by {exhibit.method}: coarse motions, fine motions, and the truth. "
+        f"{score['num_placed']} of {score['num_maps']} maps placed, {score['num_wrong']} wrong."
+    )
+    title = f"{exhibit.label}, {exhibit.method}: merged map, coarse and fine (Fig. 8)"
+    known = [panel for panel in panels if np.isfinite(panel[1]).any()]
+    return _draw_panels(exhibit, known, folder, Label(_name("fig8", exhibit), title, alt))
+
+
+def draw_rivals(exhibits: Sequence[Exhibit], folder: Path) -> Picture:
+    """Fig. 9: what each method makes of one dataset, beside the truth."""
+    first = exhibits[0]
+    panels = [(_verdict(e), e.T_world_map) for e in exhibits] + [("truth", first.dataset.truth.T_world_map)]
+    verdicts = "; ".join(_verdict(e) for e in exhibits)
+    title = f"{first.label}: the methods side by side (Fig. 9)"
+    alt = f"Merged maps of {first.label} by each method beside the truth. {verdicts}."
+    return _draw_panels(first, panels, folder, Label(_name("fig9", first, method=False), title, alt))
+
+
+def draw_failure(exhibit: Exhibit, folder: Path) -> Picture:
+    """What a method made of maps that it placed wrong: the right ones, all of them, and the truth."""
+    right = exhibit.T_world_map.copy()
+    right[exhibit.errors.wrong] = np.nan
+    names = [n for n, wrong in zip(exhibit.prediction.names, exhibit.errors.wrong, strict=True) if wrong]
+    truth = exhibit.dataset.truth.T_world_map
+    panels = [("all that it placed", exhibit.T_world_map), ("without the wrong maps", right), ("truth", truth)]
+    seed = exhibit.scored.cell.seed
+    title = f"{exhibit.label}, {exhibit.method}, seed {seed}: {len(names)} wrong of {len(truth)}"
+    alt = f"What {exhibit.method} made of {exhibit.label}; wrong are {', '.join(names)}. The right maps, and the truth."
+    return _draw_panels(exhibit, panels, folder, Label(_name(f"failure-{seed}", exhibit), title, alt))
+
+
+def draw_unreliable_pair(exhibit: Exhibit, folder: Path) -> Picture | None:
+    """Fig. 7: a rejected pair by its initial and its refined motion, beside the truth; none without one."""
+    rejected = [p for p in exhibit.prediction.pairs if p.status == "rejected" and p.T_target_source is not None]
+    if not rejected:
+        return None
+    truth = exhibit.dataset.truth.T_world_map
+    pair = max(rejected, key=lambda p: (not pair_metrics.is_right(p, truth), np.nan_to_num(p.num_inliers)))
+    return draw_pair(exhibit, pair, folder, "fig7", "an unreliable motion (Fig. 7)")
+
+
+def draw_pair(exhibit: Exhibit, pair: PredictedPair, folder: Path, stem: str, what: str) -> Picture:
+    """Two maps laid together by a pair's initial and refined motion, beside the truth, in the target's true frame."""
+    truth = exhibit.dataset.truth.T_world_map
+    members, T_world_target = [pair.target, pair.source], truth[pair.target]
+    panels = []
+    for label, T in (("initial", pair.T_target_source_initial), ("refined", pair.T_target_source)):
+        if T is not None:
+            poses = np.full_like(truth, np.nan)
+            poses[pair.target], poses[pair.source] = T_world_target, T_world_target @ T
+            panels.append((label, poses))
+    only = np.full_like(truth, np.nan)
+    only[members] = truth[members]
+    panels.append(("truth", only))
+    error_m, error_deg = pair_metrics.pair_errors(pair, truth)
+    names = exhibit.prediction.names
+    title = f"{exhibit.label}, {exhibit.method}: {what}, {names[pair.target]} and {names[pair.source]}"
+    off = f"off by {error_m:.2f} m and {error_deg:.1f} degrees"
+    alt = f"Two maps laid together by the motion that was found, {off}, and by the true one."
+    return _draw_panels(exhibit, panels, folder, Label(_name(stem, exhibit), title, alt))
+
+
+def _draw_panels(
+    exhibit: Exhibit,
+    panels: Sequence[tuple[str, npt.NDArray[np.float64]]],
+    folder: Path,
+    label: Label,
+) -> Picture:
+    maps = exhibit.dataset.maps
+    shown = np.flatnonzero(np.isfinite(panels[-1][1]).all(axis=(1, 2)))
+    poses = panels[-1][1][shown]
+    if len(shown) == 2:  # a pair is shown whole, wherever it was laid
+        poses = np.concatenate([T[shown] for _, T in panels if np.isfinite(T[shown]).all()])
+    raster = frame_of([maps[k] for k in shown] * (len(poses) // len(shown)), poses)
+    images = [draw_image(text, draw_merge(maps, poses, raster), raster.cell_m) for text, poses in panels]
+    legend = [(maps[k].name, to_hex(map_colours(len(maps))[k])) for k in shown]
+    rows = [
+        {"panel": text, "map": m.name, **dict(zip(("x_m", "y_m", "theta_rad"), se2.parameters_of(T), strict=True))}
+        for text, poses in panels
+        for m, T in zip(maps, poses, strict=True)
+    ]
+    return drawing.save_picture(images, legend, folder, label, pd.DataFrame(rows))
+
+
+def _shade(counts: npt.NDArray[np.float64]) -> npt.NDArray[np.object_]:
+    """The more, the darker; empty cells for nothing."""
+    share = counts / max(float(counts.max(initial=0.0)), 1.0)
+    shades = [to_hex((0.82 - 0.6 * s, 0.9 - 0.4 * s, 0.98 - 0.1 * s)) if s > 0 else "none" for s in share.reshape(-1)]
+    return np.array(shades, dtype=object).reshape(counts.shape)
+
+
+def _colour(words: npt.NDArray[np.object_]) -> npt.NDArray[np.object_]:
+    return np.array([[PAIR_COLOURS[word] for word in row] for row in words], dtype=object)
+
+
+def _word(pair: PredictedPair) -> str:
+    if pair.T_target_source is None:
+        return "no_match"
+    return "tree" if pair.in_tree and pair.status == "reliable" else pair.status
+
+
+def _verdict(exhibit: Exhibit) -> str:
+    score = exhibit.scored.score
+    return f"{exhibit.method}: {score['num_placed']} of {score['num_maps']} placed, {score['num_wrong']} wrong"
+
+
+def _name(stem: str, exhibit: Exhibit, method: bool = True) -> str:
+    """Stem of a figure's files."""
+    parts = [stem, exhibit.label, *([exhibit.method] if method else [])]
+    return "-".join(re.sub(r"[^\w.=-]+", "_", part) for part in parts)

@@ -1,0 +1,178 @@
+"""The paper's Tables 1 and 2 beside ours, and in plain sentences whether ours bear out what the paper claims."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import pandas as pd
+
+from bench.reports.tables import Results, median_of, records_of
+
+PAPER_TABLE_1 = {
+    ("Tim", "sequential"): (1.4242, 8.7890, True),
+    ("Tim", "paper"): (0.5546, 5.0969, True),
+    ("Intel", "sequential"): (16.2770, 28.1093, True),
+    ("Intel", "paper"): (0.4509, 20.4698, True),
+    ("Fr079", "sequential"): (4.7405, 27.3639, False),
+    ("Fr079", "paper"): (0.2940, 19.6659, True),
+}
+"""Obj., T(s) and Suc. as printed in the paper's Table 1 (MATLAB, four cores, 3.6 GHz)."""
+
+PAPER_TABLE_2 = {
+    "Tim": ((0.5713, 0.5546), (0.5715, 0.5560), (0.5713, 0.5576), (0.5874, 0.5497)),
+    "Intel": ((0.4877, 0.4509), (0.4906, 0.4470), (0.4882, 0.4390), (0.4944, 0.4560)),
+    "Fr079": ((0.3083, 0.2940), (0.3110, 0.2938), (0.3084, 0.2933), (0.3042, 0.2936)),
+}
+"""Coarse and fine error of the four orders as printed in the paper's Table 2."""
+
+_CLAIMS = (
+    ("Obj.", "error (Obj.)", "more accurate"),
+    ("median m", "true median error", "more accurate"),
+    ("T(s)", "time", "faster"),
+)
+"""Column, what it is called, and what the paper claims of it."""
+_EQUAL_WITHIN = 0.02
+_STYLES = {"tim": "Tim", "intel": "Intel", "fr079": "Fr079", "freiburg-079": "Fr079"}
+
+
+def make_table1(results: Results) -> tuple[pd.DataFrame, list[str]]:
+    """Table 1: each dataset by each method, ours and the paper's, with what only truth can tell.
+
+    Returns:
+        The table (medians over seeds; successes and wrong maps summed), and the sentences below it.
+    """
+    rows = []
+    for (dataset, world, method), group in results.scores.groupby(["dataset", "world", "method"], sort=False):
+        printed = PAPER_TABLE_1.get((_STYLES.get(str(world), ""), str(method)))
+        rows.append(
+            {
+                "dataset": dataset,
+                "method": method,
+                "Obj.": median_of(group["objective"]),
+                "floor": median_of(group["objective_floor"]),
+                "T(s)": median_of(group["runtime_s"]),
+                "answers": int((group["status"] == "ok").sum()),
+                "Suc.": f"{int(group['success'].astype(bool).sum())} of {len(group)}",
+                "maps": int(group["num_maps"].sum()),
+                "placed": int(group["num_placed"].sum()),
+                "wrong": int(group["num_wrong"].sum()),
+                "worst m": median_of(group["max_error_m"]),
+                "median m": median_of(group["median_error_m"]),
+                "paper's Obj.": printed[0] if printed else None,
+                "paper's T(s)": printed[1] if printed else None,
+                "paper's Suc.": ("Y" if printed[2] else "N") if printed else None,
+            }
+        )
+    table = pd.DataFrame(rows)
+    sentences = [s for name in dict.fromkeys(table["dataset"]) for s in _judge_table1(table, str(name))]
+    return table.drop(columns="answers"), sentences
+
+
+def make_table2(results: Results) -> tuple[pd.DataFrame, list[str]]:
+    """Table 2: coarse and fine error and time under each order of the maps, ours and the paper's.
+
+    The coarse time is that of features, pairs and tree; the fine time is that of the averaging.
+    """
+    rows = []
+    for row in records_of(results.scores):
+        printed = PAPER_TABLE_2.get(_STYLES.get(str(row["world"]), ""), ())
+        order = int(row["order"])
+        ours = printed[order - 1] if 0 < order <= len(printed) else (None, None)
+        rows.append(
+            {
+                "dataset": row["dataset"],
+                "order": order,
+                "coarse": row["objective_initial"],
+                "fine": row["objective"],
+                "floor": row["objective_floor"],
+                "T coarse (s)": row["runtime_features_s"] + row["runtime_pairs_s"] + row["runtime_tree_s"],
+                "T fine (s)": row["runtime_averaging_s"],
+                "placed": row["num_placed"],
+                "wrong": row["num_wrong"],
+                "worst m": row["max_error_m"],
+                "paper's coarse": ours[0],
+                "paper's fine": ours[1],
+            }
+        )
+    table = pd.DataFrame(rows)
+    sentences = []
+    for name, group in table.groupby("dataset", sort=False):
+        sentences += _judge_table2(str(name), group, results)
+    return table, sentences
+
+
+def _judge_table1(table: pd.DataFrame, dataset: str) -> list[str]:
+    ours: Any = table[table["dataset"] == dataset].set_index("method")
+    sentences = [_judge_success(ours, dataset, method) for method in ours.index]
+    if {"sequential", "paper"} <= set(ours.index):
+        for column, what, claim in _CLAIMS:
+            ratio = float(ours.loc["sequential", column] / ours.loc["paper", column])
+            sentences.append(_compare(dataset, what, ratio, claim) + _say_how_many(ours, column))
+    return [s for s in sentences if s]
+
+
+def _judge_success(ours: Any, dataset: str, method: str) -> str:
+    claim, wrong, missing = (
+        ours.loc[method, "paper's Suc."],
+        int(ours.loc[method, "wrong"]),
+        int(ours.loc[method, "maps"] - ours.loc[method, "placed"]),
+    )
+    found = f"{wrong} of the maps placed wrong and {missing} left out"
+    if not ours.loc[method, "answers"]:
+        return f"{dataset}: {method} gave no answer."
+    if claim == "Y" and (wrong or missing):
+        return f"{dataset}: DISAGREES with the paper's Suc. = Y for {method}: {found}."
+    if claim == "N" and not (wrong or missing):
+        return f"{dataset}: DISAGREES with the paper's Suc. = N for {method}: every map is placed right."
+    return f"{dataset}: agrees with the paper's Suc. = {claim} for {method}: {found}." if claim in ("Y", "N") else ""
+
+
+def _say_how_many(ours: Any, column: str) -> str:
+    """Errors of different maps are compared with care: a map that is left out has none."""
+    placed = [int(ours.loc[method, "placed"]) for method in ("sequential", "paper")]
+    if column == "T(s)" or placed[0] == placed[1] or math.isnan(ours.loc["sequential", column]):
+        return ""
+    return f" Errors of {placed[0]} placed maps against {placed[1]}."
+
+
+def _compare(dataset: str, what: str, ratio: float, claim: str) -> str:
+    if math.isnan(ratio):
+        return ""
+    found = f"that simultaneous merging is {claim}: sequential has {ratio:.3g} times its {what}."
+    if abs(ratio - 1.0) < _EQUAL_WITHIN:
+        return f"{dataset}: DISAGREES {found} They are equal within {100 * _EQUAL_WITHIN:.0f} %."
+    return f"{dataset}: {'agrees' if ratio > 1.0 else 'DISAGREES'} {found}"
+
+
+def _judge_table2(dataset: str, group: pd.DataFrame, results: Results) -> list[str]:
+    fine, coarse = group["fine"].dropna(), group["coarse"].dropna()
+    if fine.empty:
+        return [f"{dataset}: no order gives a merged map."]
+    spread = float(fine.max() - fine.min()) / max(float(fine.mean()), 1e-12)
+    word = "agrees" if spread < 0.01 else "DISAGREES"
+    same = _same_placed(results, dataset)
+    gain = float(coarse.mean() / fine.mean()) if len(coarse) else float("nan")
+    better = "agrees" if gain > 1.0 else "DISAGREES"
+    return [
+        f"{dataset}: {word} that the order does not matter: fine errors differ by {_percent(spread)}, "
+        f"the placed maps are {'the same' if same else 'not the same'}.",
+        f"{dataset}: {better} that averaging reduces the error: coarse is {gain:.3g} times fine.",
+    ]
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %" if share >= 1e-4 else "less than 0.01 %"
+
+
+def _same_placed(results: Results, dataset: str) -> bool:
+    maps: Any = results.maps
+    if maps.empty:
+        return True
+    of_dataset = maps[(maps["dataset"] == dataset) & maps["placed"].astype(bool)]
+    sets = {tuple(sorted(names)) for _, names in of_dataset.groupby(["method", "seed", "order"])["map"]}
+    return len(sets) == 1
+
+
+def first_words(sentences: Sequence[str]) -> list[str]:
+    """The sentences that disagree first, for whoever reads only the beginning."""
+    return sorted(sentences, key=lambda s: "DISAGREES" not in s)

@@ -1,0 +1,224 @@
+"""One row of the scores: everything that is known of one method on one dataset."""
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from bench.cell import Outcome
+from bench.scoring import calibration, grid_metrics, metrics, pair_metrics, relation_metrics
+from bench.scoring.prediction import Prediction
+from bench.scoring.yardstick import Yardstick
+
+STAGES = ("features", "pairs", "tree", "averaging", "compositing")
+"""Stages whose times a result states."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """Scores of one result; what does not apply is NaN. Each is defined where it is computed."""
+
+    status: str
+    """``ok``, ``failed`` or ``skipped``."""
+    reason: str | None
+    """Why it is not ok."""
+    num_maps: int
+    """Maps given."""
+    num_placed: int = 0
+    """See `metrics.Placement`."""
+    num_wrong: int = 0
+    """See `metrics.Placement`."""
+    success: bool = False
+    """See `metrics.Placement`."""
+    max_error_m: float = math.nan
+    """See `metrics.Placement`."""
+    max_error_deg: float = math.nan
+    """See `metrics.Placement`."""
+    median_error_m: float = math.nan
+    """See `metrics.Placement`."""
+    median_error_deg: float = math.nan
+    """See `metrics.Placement`."""
+    objective_initial: float = math.nan
+    """`objective.score_objective` of the coarse motions, cells^2."""
+    objective: float = math.nan
+    """`objective.score_objective` of the fine motions, cells^2."""
+    objective_floor: float = math.nan
+    """`objective.score_objective` of the true motions of all maps, cells^2."""
+    edge_precision: float = math.nan
+    """See `pair_metrics.PairScores`."""
+    edge_recall: float = math.nan
+    """See `pair_metrics.PairScores`."""
+    edge_precision_initial: float = math.nan
+    """See `pair_metrics.PairScores`."""
+    edge_recall_initial: float = math.nan
+    """See `pair_metrics.PairScores`."""
+    num_edges: int = 0
+    """See `pair_metrics.PairScores`."""
+    num_edges_initial: int = 0
+    """See `pair_metrics.PairScores`."""
+    num_components: int = 0
+    """See `metrics.Placement`."""
+    relation_error_m: float = math.nan
+    """See `relation_metrics.RelationError`."""
+    relation_error_deg: float = math.nan
+    """See `relation_metrics.RelationError`."""
+    num_relations: int = 0
+    """See `relation_metrics.RelationError`."""
+    acceptance: float = math.nan
+    """`grid_metrics.acceptance_index`."""
+    acceptance_count: int = 0
+    """`grid_metrics.acceptance_index`."""
+    iou_occupied: float = math.nan
+    """`grid_metrics.iou` of occupied cells."""
+    iou_free: float = math.nan
+    """`grid_metrics.iou` of free cells."""
+    brier: float = math.nan
+    """`calibration.brier_score` of the maps' confidences."""
+    runtime_s: float = math.nan
+    """Wall time of the method."""
+    runtime_overhead_s: float = math.nan
+    """Wall time from when the row's dataset is there until its scores are ready to be written, less the method's
+    (``runtime_s``): starting and ending processes, reading maps, copying them for a command, writing and keeping the
+    answer, the reference workload, reading the truth, scoring. What comes once a sweep is not in it: starting the
+    program and its server of processes, and drawing the report, which says how long that took."""
+    runtime_ratio: float = math.nan
+    """Processor time of the method, all its threads and processes, over that of the reference workload (a few ms), run
+    in the same process right after it: what other programs do meanwhile hardly changes it; waiting does not count."""
+    runtime_features_s: float = math.nan
+    """Stated time of the stage."""
+    runtime_pairs_s: float = math.nan
+    """Stated time of the stage."""
+    runtime_tree_s: float = math.nan
+    """Stated time of the stage."""
+    runtime_averaging_s: float = math.nan
+    """Stated time of the stage."""
+    runtime_compositing_s: float = math.nan
+    """Stated time of the stage."""
+    peak_memory_mb: float = math.nan
+    """Largest resident memory of the method's process, MiB."""
+
+
+@dataclass(frozen=True)
+class MapScore:
+    """One map of one result."""
+
+    map: str
+    """Name."""
+    placed: bool
+    """Whether the method placed it."""
+    component: int
+    """Its component."""
+    error_m: float
+    """See `metrics.placement_errors`."""
+    error_deg: float
+    """See `metrics.placement_errors`."""
+    wrong: bool
+    """See `metrics.placement_errors`."""
+    confidence: float
+    """Stated probability of being right."""
+    reason: str | None
+    """Why it is not placed."""
+
+
+@dataclass(frozen=True)
+class PairScore:
+    """One pair of one result that has a motion or a true overlap worth finding."""
+
+    target: str
+    """Map that stays."""
+    source: str
+    """Map that moves."""
+    status: str
+    """What the method says."""
+    overlap_true: float
+    """True overlap, the larger direction."""
+    error_m: float
+    """See `pair_metrics.pair_errors`."""
+    error_deg: float
+    """See `pair_metrics.pair_errors`."""
+    right: bool
+    """See `pair_metrics.is_right`."""
+    num_matches: float
+    """As stated."""
+    num_inliers: float
+    """As stated."""
+    agreement: float
+    """As stated."""
+
+
+def score_result(
+    yardstick: Yardstick, prediction: Prediction, outcome: Outcome
+) -> tuple[Score, list[MapScore], list[PairScore]]:
+    """Score one answer against the truth of its dataset."""
+    truth = yardstick.truth
+    errors = metrics.placement_errors(truth.T_world_map, prediction.placed, prediction.component, prediction.T_ref_map)
+    pairs = pair_metrics.score_pairs(prediction, truth.T_world_map, truth.overlap)
+    relations = relation_metrics.score_relations(prediction, truth.T_world_map, truth.overlap)
+    grids = grid_metrics.score_grids(yardstick.grid, errors.T_world_ref @ prediction.T_ref_map)
+    stages: dict[str, Any] = {f"runtime_{s}_s": prediction.stages_s.get(s, math.nan) for s in STAGES}
+    judged = np.isfinite(errors.error_m)
+    fields: dict[str, Any] = (
+        asdict(metrics.score_placement(prediction, errors)) | asdict(pairs) | asdict(relations) | asdict(grids)
+    )
+    score = Score(
+        status=outcome.status,
+        reason=outcome.reason,
+        **fields,
+        objective_initial=yardstick.objective(prediction.T_ref_map_initial, prediction.component),
+        objective=yardstick.objective(prediction.T_ref_map, prediction.component),
+        objective_floor=yardstick.objective_floor,
+        brier=calibration.brier_score(prediction.confidence[judged], ~errors.wrong[judged]),
+        runtime_s=outcome.wall_s,
+        runtime_ratio=outcome.cpu_s / outcome.reference_s,
+        peak_memory_mb=outcome.peak_memory_mb,
+        **stages,
+    )
+    return score, _map_scores(prediction, errors), _pair_scores(prediction, truth.T_world_map, truth.overlap)
+
+
+def score_failure(num_maps: int, outcome: Outcome) -> Score:
+    """The row of a method that gave no answer: nothing placed, no success, and the reason."""
+    return Score(
+        outcome.status, outcome.reason, num_maps, runtime_s=outcome.wall_s, peak_memory_mb=outcome.peak_memory_mb
+    )
+
+
+def _map_scores(prediction: Prediction, errors: metrics.PlacementErrors) -> list[MapScore]:
+    return [
+        MapScore(
+            map=name,
+            placed=bool(prediction.placed[k]),
+            component=int(prediction.component[k]),
+            error_m=float(errors.error_m[k]),
+            error_deg=float(errors.error_deg[k]),
+            wrong=bool(errors.wrong[k]),
+            confidence=float(prediction.confidence[k]),
+            reason=prediction.reasons[k],
+        )
+        for k, name in enumerate(prediction.names)
+    ]
+
+
+def _pair_scores(
+    prediction: Prediction, T_world_map: npt.NDArray[np.float64], overlap: npt.NDArray[np.float64]
+) -> list[PairScore]:
+    rows = []
+    for pair in prediction.pairs:
+        error_m, error_deg = pair_metrics.pair_errors(pair, T_world_map)
+        rows.append(
+            PairScore(
+                target=prediction.names[pair.target],
+                source=prediction.names[pair.source],
+                status=pair.status,
+                overlap_true=float(max(overlap[pair.target, pair.source], overlap[pair.source, pair.target])),
+                error_m=error_m,
+                error_deg=error_deg,
+                right=pair_metrics.within_bounds(error_m, error_deg),
+                num_matches=pair.num_matches,
+                num_inliers=pair.num_inliers,
+                agreement=pair.agreement,
+            )
+        )
+    return rows

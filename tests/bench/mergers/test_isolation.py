@@ -1,0 +1,111 @@
+"""Whatever a method does in its process comes back as a record with a reason."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+from bench.mergers.isolation import Limits, Skipped, original_environment, run_isolated
+
+AMPLE = Limits(time_s=60.0, memory_mb=4096.0)
+
+
+def _answer(value: float) -> dict[str, Any]:
+    return {"wall_s": value}
+
+
+def _raise(_: object) -> None:
+    raise ValueError("bad\nmap")
+
+
+def _skip(_: object) -> None:
+    raise Skipped("no such program")
+
+
+def _crash(_: object) -> None:
+    os.kill(os.getpid(), signal.SIGSEGV)
+
+
+def _exit(_: object) -> None:
+    os._exit(3)
+
+
+def _sleep(seconds: float) -> None:
+    time.sleep(seconds)
+
+
+def _flood(mib: int) -> None:
+    blocks = []
+    for _ in range(mib // 16):
+        blocks.append(bytearray(b"x" * (16 << 20)))
+        time.sleep(0.02)
+    time.sleep(30.0)
+
+
+def test_programs_find_the_environment_that_the_user_set(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    monkeypatch.setenv("MKL_NUM_THREADS", "3")
+    before = dict(os.environ)
+    run_isolated(_answer, (1.0,), AMPLE)
+    assert dict(os.environ) == before
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")
+    monkeypatch.setenv("MAPMERGE_BENCH_ADDED", "OMP_NUM_THREADS")
+    assert original_environment() == before
+
+
+def test_an_answer_comes_back_with_its_peak_memory() -> None:
+    outcome = run_isolated(_answer, (1.5,), AMPLE)
+    assert (outcome.status, outcome.wall_s) == ("ok", 1.5)
+    assert outcome.peak_memory_mb > 5.0
+
+
+def test_an_exception_is_a_reason_in_one_line() -> None:
+    outcome = run_isolated(_raise, (0,), AMPLE)
+    assert (outcome.status, outcome.reason) == ("failed", "ValueError: bad map")
+
+
+def test_what_cannot_run_here_is_skipped_with_its_reason() -> None:
+    outcome = run_isolated(_skip, (0,), AMPLE)
+    assert (outcome.status, outcome.reason) == ("skipped", "no such program")
+
+
+def test_a_crash_is_named_by_its_signal() -> None:
+    outcome = run_isolated(_crash, (0,), AMPLE)
+    assert outcome.status == "failed"
+    assert "SIGSEGV" in (outcome.reason or "")
+
+
+def test_a_silent_end_is_a_failure() -> None:
+    outcome = run_isolated(_exit, (0,), AMPLE)
+    assert outcome.reason == "ended without an answer (exit status 3)"
+
+
+def test_a_hang_is_stopped_by_the_time_limit() -> None:
+    outcome = run_isolated(_sleep, (60.0,), Limits(time_s=0.3, memory_mb=4096.0))
+    assert outcome.reason == "time limit of 0.3 s"
+
+
+def test_a_flood_of_memory_is_stopped_by_the_memory_limit() -> None:
+    outcome = run_isolated(_flood, (4096,), Limits(time_s=60.0, memory_mb=400.0))
+    assert (outcome.reason or "").startswith("memory limit of 400 MiB")
+
+
+def test_a_call_ends_when_the_program_that_asked_for_it_is_killed(tmp_path: Path) -> None:
+    command = ["sh", "-c", f"echo $PPID > {tmp_path}/new; mv {tmp_path}/new {tmp_path}/pid; exec sleep 25"]
+    run = f"run_isolated(subprocess.run, ({command},), Limits(90, 4096))"
+    code = f"import subprocess; from bench.mergers.isolation import Limits, run_isolated; {run}"
+    process = subprocess.Popen([sys.executable, "-c", code])
+    while not (tmp_path / "pid").is_file():
+        assert process.poll() is None
+        time.sleep(0.1)
+    call = psutil.Process(int((tmp_path / "pid").read_text()))
+    process.kill()
+    process.wait()
+    gone, _ = psutil.wait_procs([call], timeout=20.0)
+    assert gone == [call]

@@ -1,0 +1,42 @@
+"""The tables of the report: what is marked as best, how swept values read, where methods break."""
+
+import pandas as pd
+import pytest
+
+from bench.reports.curves import breaking_points
+from bench.reports.summary import best_cells, write_swept
+
+
+def test_the_best_of_each_dataset_is_marked_and_errors_only_among_those_who_place_most() -> None:
+    table = pd.DataFrame(
+        {
+            "dataset": ["a"] * 3 + ["b"] * 2,
+            "method": ["paper", "robust", "sequential", "paper", "robust"],
+            "placed": [8, 8, 2, 4, 4],
+            "wrong": [1, 0, 0, 0, 0],
+            "worst m": [0.4, 0.2, 0.01, 0.1, 0.1],
+        }
+    )
+    assert set(best_cells(table)) == {(0, "placed"), (1, "placed"), (1, "wrong"), (2, "wrong"), (1, "worst m")}
+
+
+def test_one_method_has_no_rival_to_be_better_than() -> None:
+    assert best_cells(pd.DataFrame({"method": ["paper", "paper"], "wrong": [1, 0]})) == ()
+
+
+def test_swept_values_read_as_they_were_typed() -> None:
+    table = write_swept(
+        pd.DataFrame({"noise": [0.01, float("nan")], "count": [4, 8], "recall": [0.1, 0.2]}), ("noise", "count")
+    )
+    assert table["noise"].tolist() == ["0.01", "-"]
+    assert table["count"].tolist() == ["4", "8"]
+    assert table["recall"].tolist() == [0.1, 0.2]
+
+
+@pytest.mark.parametrize(("hard_is_high", "expected"), [(True, "2.2 (1 to -)"), (False, "3 (3 to 2.5)")])
+def test_a_breaking_point_lies_between_those_of_the_ends_of_its_intervals(hard_is_high: bool, expected: str) -> None:
+    shares = {"success": [1.0, 1.0, 0.5], "success_low": [0.6, 0.6, 0.2], "success_high": [1.0, 1.0, 0.9]}
+    if not hard_is_high:
+        shares["success_high"] = [0.6, 0.8, 1.0]
+    curve = pd.DataFrame({"method": ["paper"] * 3, "noise": [1.0, 2.0, 3.0], **shares})
+    assert breaking_points(curve, "noise", hard_is_high)["below 90 % at"].tolist() == [expected]
