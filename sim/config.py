@@ -15,13 +15,13 @@ from sim.maps.submap_mapping import MappingConfig
 from sim.maps.submaps import SubmapsConfig
 from sim.robot_run import LidarSpec
 from sim.robots.coverage import CoverageConfig
+from sim.robots.drive import DriveConfig
 from sim.robots.people import PeopleConfig
 from sim.robots.robot import RobotConfig
 from sim.sensors.lidar import check_lidar
 from sim.sensors.lidar_noise import NoiseConfig
 from sim.sensors.lidar_presets import LIDAR_PRESETS
 from sim.sensors.odometry import OdometryConfig
-from sim.simulation import DriveConfig
 
 _NUM_SUBMAPS = MappingProxyType({"tim": 4, "intel": 8, "fr079": 11})
 """Submaps of the paper's data sets."""

@@ -14,18 +14,19 @@ from sim.buildings.plan import Plan, Room, Solid, box
 from sim.buildings.world import Material, World, make_world, read_world
 from sim.robot_run import LidarSpec
 from sim.robots.coverage import CoverageConfig
+from sim.robots.drive import Drive, DriveConfig, drive
 from sim.robots.driver import Driver, Mode
 from sim.robots.people import MovingDiscs, PeopleConfig
 from sim.robots.robot import Robot, RobotConfig, make_space
 from sim.robots.routing import Router
 from sim.robots.stepping import Clock, run_space
 from sim.sensors.odometry import OdometryConfig
-from sim.simulation import DriveConfig, Sensor, Simulation, drive, simulate
+from sim.simulation import Sensor, simulate
 
 RADIUS_M = RobotConfig().radius_m
 
 
-def positions(simulation: Simulation, robot: int) -> npt.NDArray[np.float64]:
+def positions(simulation: Drive, robot: int) -> npt.NDArray[np.float64]:
     """(N, 2) where a robot was at its scans."""
     return simulation.trajectories[robot].T_world_robot[:, :2, 2]
 
@@ -49,13 +50,13 @@ WORLDS = {
 
 
 @pytest.fixture(scope="module", params=list(WORLDS))
-def run(request: pytest.FixtureRequest) -> tuple[World, Simulation]:
+def run(request: pytest.FixtureRequest) -> tuple[World, Drive]:
     """Three robots and two people in a building, until all is seen."""
     world = WORLDS[request.param]()
     return world, drive(world, DriveConfig(people=PeopleConfig(num_people=2)), 3, 0.1, 3)
 
 
-def test_no_robot_ever_touches_a_surface(run: tuple[World, Simulation]) -> None:
+def test_no_robot_ever_touches_a_surface(run: tuple[World, Drive]) -> None:
     world, simulation = run
     surfaces = cKDTree(sample_segments(world.segments, 0.01))
     for robot in range(3):
@@ -73,14 +74,14 @@ def test_a_fast_robot_with_weak_brakes_touches_no_surface_either(acceleration_mp
     assert np.hypot(*np.ptp(positions(simulation, 0), axis=0)) > 5.0
 
 
-def test_no_robot_ever_touches_another(run: tuple[World, Simulation]) -> None:
+def test_no_robot_ever_touches_another(run: tuple[World, Drive]) -> None:
     steps = run[1].moving.positions_m
     for a, b in ((0, 1), (0, 2), (1, 2)):
         both = (np.abs(steps[:, a]).max(axis=1) < 1e5) & (np.abs(steps[:, b]).max(axis=1) < 1e5)
         assert np.hypot(*(steps[both, a] - steps[both, b]).T).min() > 2.0 * RADIUS_M
 
 
-def test_every_room_is_visited(run: tuple[World, Simulation]) -> None:
+def test_every_room_is_visited(run: tuple[World, Drive]) -> None:
     world, simulation = run
     seen = cKDTree(np.concatenate([positions(simulation, k) for k in range(3)]))
     places = np.array([[room.x_m, room.y_m] for room in world.rooms])
@@ -102,12 +103,12 @@ def test_a_robot_that_made_way_goes_on_when_the_last_other_one_has_left() -> Non
     assert second.mode is Mode.GONE
 
 
-def test_robots_share_the_work(run: tuple[World, Simulation]) -> None:
+def test_robots_share_the_work(run: tuple[World, Drive]) -> None:
     lengths = [np.hypot(*np.diff(positions(run[1], k), axis=0).T).sum() for k in range(3)]
     assert max(lengths) < 4.0 * min(lengths)
 
 
-def test_speeds_and_stamps_are_those_of_a_robot_and_a_clock(run: tuple[World, Simulation]) -> None:
+def test_speeds_and_stamps_are_those_of_a_robot_and_a_clock(run: tuple[World, Drive]) -> None:
     for k, trajectory in enumerate(run[1].trajectories):
         assert trajectory.robot == f"robot_{k}"
         np.testing.assert_allclose(trajectory.stamps_s, 0.1 * np.arange(len(trajectory.stamps_s)), atol=1e-9)

@@ -7,9 +7,9 @@ import pytest
 from sim.buildings.free_space import measure_free_space
 from sim.buildings.world import World, read_world
 from sim.robots.crowd import Crowd
+from sim.robots.drive import DriveConfig, drive
 from sim.robots.people import PeopleConfig
 from sim.robots.routing import Router
-from sim.simulation import DriveConfig, drive
 
 RADIUS_M, STEP_S, NUM_STEPS = 0.3, 0.05, 1200
 
