@@ -1,6 +1,7 @@
 """``python -m sim key=value ...`` writes a dataset, ``-m`` a collection; ``python -m sim check DIR`` verifies one."""
 
 import json
+import logging
 import sys
 from collections.abc import Sequence
 from contextlib import closing
@@ -9,12 +10,13 @@ from typing import Any
 
 from omegaconf import DictConfig
 from tqdm import tqdm
+from tqdm.contrib.logging import logging_redirect_tqdm
 
 from sim.config import SimConfig, dataset_name
 from sim.datasets.collection import TABLE, CollectionItem, make_collection
 from sim.datasets.dataset import make_dataset
 from sim.datasets.dataset_check import check_dataset
-from sim.datasets.manifest import make_manifest
+from sim.datasets.manifest import compare_manifest, make_manifest, read_manifest
 from sim.hydra_schema import build, compose_config
 from sim.resources import conf_folder
 from sim.sim_schema import GROUPS, ROOT, RunConfig, register_schema, usage
@@ -45,6 +47,8 @@ def _run(arguments: list[str]) -> int:
         return _check(arguments[1:])
     if arguments[:1] == ["manifest"]:
         return _print_manifest(arguments[1:])
+    if arguments[:1] == ["compare"]:
+        return _compare(arguments[1:])
     if {"-m", "--multirun"} & set(arguments):
         return _make_many([word for word in arguments if word not in ("-m", "--multirun")])
     return _make(compose_config(conf_folder(), ROOT, arguments))
@@ -70,11 +74,22 @@ def _print_manifest(folders: Sequence[str]) -> int:
     return 0
 
 
+def _compare(paths: Sequence[str]) -> int:
+    """Print in what a dataset is not as its manifest says."""
+    if len(paths) != 2:
+        raise ValueError("compare needs the folder of one dataset and its manifest")
+    folder, manifest = map(Path, paths)
+    faults = compare_manifest(folder, read_manifest(manifest))
+    print("\n".join(faults) if faults else f"{folder} is as {manifest} says")
+    return 1 if faults else 0
+
+
 def _make(node: DictConfig) -> int:
     """Make one dataset."""
     config, run = build(SimConfig, node), build(RunConfig, node)
     out = Path(run.out or f"out/{dataset_name(config)}")
-    with closing(_Bars(run.quiet)) as progress:
+    _log_to_terminal(run.quiet)
+    with closing(_Bars(run.quiet)) as progress, logging_redirect_tqdm():
         make_dataset(config, out, workers=run.num_workers, progress=progress)
     if not run.quiet:
         print(out)
@@ -92,13 +107,19 @@ def _make_many(overrides: list[str]) -> int:
     for config in {(item.config.world, item.config.source): item.config for item in items}.values():
         check_source(config)
     out = Path(run.out or "out/collection")
-    with closing(_Bars(run.quiet, always=True)) as progress:
+    _log_to_terminal(run.quiet)
+    with closing(_Bars(run.quiet, always=True)) as progress, logging_redirect_tqdm():
         faults = make_collection(items, out, workers=run.num_workers, progress=progress)
     for label, fault in faults.items():
         print(f"sim: {label}: {fault}", file=sys.stderr)
     if not run.quiet:
         print(f"{out / TABLE}: {len(items) - len(faults)} of {len(items)} datasets")
     return 1 if faults else 0
+
+
+def _log_to_terminal(quiet: bool) -> None:
+    """Warnings go to stderr, one line each, unless quiet was asked for."""
+    logging.basicConfig(format="sim: %(message)s", level=logging.ERROR if quiet else logging.WARNING)
 
 
 class _Bars:

@@ -63,6 +63,7 @@ def usage(conf: Path) -> str:
         "python -m sim -m key=a,b,... ...     write a collection to out=DIR: sweeps a,b,c or range(0,100)",
         "python -m sim check DIR ...          verify datasets",
         "python -m sim manifest DIR           print what must come out when the dataset is made again",
+        "python -m sim compare DIR MANIFEST   is a dataset as its manifest (conf/preset/NAME.json) says?",
         "",
         "Groups (key=choice):",
         *(f"  {group}={'|'.join(group_choices(conf, group))}" for group in GROUPS),

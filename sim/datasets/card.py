@@ -7,6 +7,8 @@ import numpy as np
 
 from sim.command import make_command
 from sim.config import SimConfig, SourceKind
+from sim.maps.missed_overlaps import describe_missed
+from sim.maps.submaps import SubmapsConfig
 from sim.maps.truth import Truth
 from sim.robot_run import LidarSpec
 from sim.source import Source
@@ -47,7 +49,7 @@ def write_card(path: Path, name: str, config: SimConfig, source: Source, truth: 
         f"# {name}",
         _what(config, source, truth),
         "## How it was made",
-        _how(config),
+        _how(config, truth),
         f"```\n{make_command(config, name)}\n```",
         f"Version {package_version()} of mapmerge-bench; the same command and version give the same files.",
         "## Sensor",
@@ -77,16 +79,25 @@ def _what(config: SimConfig, source: Source, truth: Truth) -> str:
     )
 
 
-def _how(config: SimConfig) -> str:
+def _how(config: SimConfig, truth: Truth) -> str:
     if config.source.kind is SourceKind.SIMULATED:
         source = f"Robots drove through the world `{config.world}` in a physical simulation."
     else:
         source = f"The scans are those of the log `{Path(config.source.path or '').name}`; its poses are the truth."
     return (
         f"{source} The submaps were mapped at {config.mapping.occupancy.resolution_m:g} m. Their poses: "
-        f"{_POSES[config.mapping.poses.value]}. Neighbouring submaps of a robot share {config.submaps.overlap:.0%} of "
-        "their scans."
+        f"{_POSES[config.mapping.poses.value]}. {_cut(config.submaps, truth)}"
     )
+
+
+def _cut(submaps: SubmapsConfig, truth: Truth) -> str:
+    """How runs became submaps, and where that is not as it was asked for."""
+    target = submaps.measured_overlap
+    if target is None:
+        return f"Neighbouring submaps of a robot share {submaps.overlap:.0%} of their scans."
+    missed = describe_missed(truth, target)
+    text = f"Runs were cut so that the maps of neighbouring submaps of a robot overlap by {target:g}"
+    return f"{text}; no cut was found for {', '.join(missed)}." if missed else f"{text}."
 
 
 def _sensor(lidar: LidarSpec) -> str:

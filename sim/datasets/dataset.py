@@ -12,6 +12,7 @@ from merger.map_server import read_map
 from sim.config import SimConfig, num_submaps
 from sim.datasets.dataset_files import DatasetContent, write_files
 from sim.datasets.dataset_folder import new_folder, read_index, refuse_to_overwrite
+from sim.maps.missed_overlaps import warn_of_missed
 from sim.maps.overlap_search import find_cuts
 from sim.maps.submap_mapping import SubmapResult, map_submap
 from sim.maps.submap_poses import expect_odometry
@@ -64,6 +65,8 @@ def make_dataset(config: SimConfig, out: Path, *, workers: int = 1, progress: Pr
     cuts = _cut(config, source.runs)
     submaps = _map_submaps(config, source.runs, cuts, workers, report)
     truth = find_truth([run.trajectory for run in source.runs], cuts, submaps)
+    if config.submaps.measured_overlap is not None:
+        warn_of_missed(truth, config.submaps.measured_overlap)
     with new_folder(out) as folder:
         write_files(folder, DatasetContent(config, source, cuts, submaps, truth), report)
     return out

@@ -5,6 +5,7 @@ that is made again is the same if its truth and maps agree within tolerances, an
 checksum.
 """
 
+import json
 import platform
 from collections.abc import Iterator
 from importlib.metadata import version
@@ -47,6 +48,28 @@ def make_manifest(folder: Path) -> dict[str, Any]:
         "maps": _map_figures(dataset),
         "truth": to_json_dict(dataset.truth),
     }
+
+
+def read_manifest(path: Path) -> dict[str, Any]:
+    """Read a manifest that `make_manifest` made.
+
+    Raises:
+        ValueError: the file cannot be read or is no manifest; the message is one line that names it.
+    """
+    try:
+        document: Any = json.loads(path.read_text(encoding="utf-8"))
+        kinds = {"schema": int, "version": str, "platform": dict, "config": dict, "files": dict, "truth": dict}
+        sound = all(isinstance(document[key], kind) for key, kind in kinds.items())
+        counts = [found[kind] for found in document["maps"].values() for kind in ("occupied", "free")]
+        sound = sound and all(isinstance(count, int) for count in counts)
+        sound = sound and document["maps"].keys() == document["truth"]["maps"].keys()
+    except OSError as error:
+        raise ValueError(f"{path}: cannot be read ({error.strerror})") from None
+    except (KeyError, TypeError, AttributeError, ValueError):
+        sound = False
+    if not sound or document["schema"] != 1:
+        raise ValueError(f"{path}: not a manifest of schema 1")
+    return dict(document)
 
 
 def compare_manifest(folder: Path, manifest: dict[str, Any]) -> list[str]:

@@ -69,8 +69,8 @@ def find_cuts(
     From a robot's first part on, each next one begins where its overlap with the one before is as wanted: parts may
     differ in length, and scans between them may be left out. Where to look is told by the walls that a part would see
     (`sim.maps.seen_walls`); then it is mapped, and what both differ by is made up for, a few times. Where no part will
-    do, the nearest is taken, as long as the mean is met. Overlap of neighbours: the mean of both directions of
-    `sim.maps.truth.overlap_fractions`.
+    do, the nearest is taken, as long as the mean is met; `sim.maps.missed_overlaps` tells of it. Overlap of
+    neighbours: the mean of both directions of `sim.maps.truth.overlap_fractions`.
 
     Args:
         runs: The runs of all robots.

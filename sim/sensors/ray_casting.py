@@ -56,6 +56,9 @@ def cast_rays(
 ) -> RayHits:
     """The first wall or disc that each ray meets.
 
+    For rays of any start and direction, one by one, with what they met: nothing here needs a lidar. The lidar casts
+    whole scans by the same kernels (`sim.sensors.scan_kernel`); by this function they are held against pymunk's rays.
+
     Args:
         grid: The walls.
         origins_m: (R, 2) where the rays start, metres.

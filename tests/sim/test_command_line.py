@@ -107,6 +107,9 @@ def test_the_folder_made_is_named_on_stdout(run, tiny_log, tmp_path):
         (["name=a/b"], "name must be a folder's name.* got 'a/b'"),
         (["out=empty.log/x", "source=carmen", "source.path=tiny.log"], "empty.log/x: cannot be written"),
         (["check"], "check needs"),
+        (["compare", "x"], "compare needs"),
+        (["compare", "x", "none.json"], r"none.json: cannot be read \(No such file"),
+        (["compare", "x", "empty.log"], "empty.log: not a manifest"),
     ],
 )
 def test_bad_input_is_one_line_that_names_it_and_writes_nothing(run, tmp_path, tiny_log, arguments, fault):
@@ -138,6 +141,19 @@ def test_the_check_says_what_is_wrong_with_exit_status_1(run, tiny_dataset, tmp_
     status, out, _ = run("check", str(tmp_path), str(tiny_dataset))
     assert status == 1
     assert out == f"{tmp_path}: not a dataset (no dataset.json)\n"
+
+
+def test_a_dataset_is_compared_with_its_manifest(run, tiny_dataset, tmp_path):
+    manifest = json.loads(run("manifest", str(tiny_dataset))[1])
+    (tmp_path / "m.json").write_text(json.dumps(manifest))
+    assert run("compare", str(tiny_dataset), "m.json") == (0, f"{tiny_dataset} is as m.json says\n", "")
+    manifest["truth"]["maps"]["map_01"]["T_world_map"]["x"] += 1.0
+    (tmp_path / "m.json").write_text(json.dumps(manifest))
+    status, out, _ = run("compare", str(tiny_dataset), "m.json")
+    assert (status, out) == (1, "map_01: its true place differs by 1.000 m, 0.0000 rad\n")
+    del manifest["truth"]
+    (tmp_path / "m.json").write_text(json.dumps(manifest))
+    assert run("compare", str(tiny_dataset), "m.json") == (2, "", "sim: m.json: not a manifest of schema 1\n")
 
 
 def test_help_lists_the_groups_with_their_choices_and_the_keys(run):

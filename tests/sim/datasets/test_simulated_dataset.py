@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from sim.config import SimConfig
+from sim.datasets.card import write_card
 from sim.datasets.dataset import make_dataset, read_dataset
 from sim.datasets.dataset_check import check_dataset
 from sim.datasets.dataset_folder import file_sha256
@@ -50,6 +51,14 @@ def test_a_simulated_dataset_is_sound_and_named_after_its_world(folder):
     dataset = read_dataset(folder)
     assert dataset.name == "two_rooms-0"
     assert dataset.truth.robot == ("robot_0", "robot_1")
+
+
+def test_the_card_tells_which_neighbours_miss_the_overlap_that_was_asked_for(folder, config, tmp_path):
+    truth = replace(read_dataset(folder).truth, robot=("robot_0", "robot_0"), overlap=np.full((2, 2), 0.25))
+    for target, words in ((0.26, "overlap by 0.26.\n"), (0.5, "no cut was found for map_00 and map_01 (0.25).\n")):
+        asked = replace(config, submaps=SubmapsConfig(count=2, measured_overlap=target))
+        write_card(tmp_path / "card.md", "two_rooms", asked, make_source(config), truth)
+        assert words in (tmp_path / "card.md").read_text(encoding="utf-8")
 
 
 def test_the_same_config_gives_the_same_bytes(folder, config, tmp_path):

@@ -8,8 +8,10 @@ import pytest
 from sim.config import SimConfig
 from sim.datasets.dataset import make_dataset, read_dataset
 from sim.maps.mapping import OccupancyConfig
+from sim.maps.missed_overlaps import describe_missed, warn_of_missed
 from sim.maps.seen_walls import find_seen_walls, overlap_of
 from sim.maps.submaps import SubmapsConfig
+from sim.maps.truth import Truth
 from sim.robot_run import RobotRun
 from sim.source import make_source
 
@@ -36,6 +38,22 @@ def test_submaps_without_neighbours_are_refused(tmp_path: Path) -> None:
     config = SimConfig(world="tim", num_robots=2, duration_s=10.0, submaps=SubmapsConfig(count=2, measured_overlap=0.3))
     with pytest.raises(ValueError, match=r"measured_overlap=0\.3 needs neighbours, and 2 submaps of 2 runs have none"):
         make_dataset(config, tmp_path / "tim")
+
+
+def test_every_pair_of_neighbours_that_misses_its_overlap_is_named_and_no_other(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    fraction = np.eye(4)
+    fraction[0, 1] = fraction[1, 0] = fraction[2, 3] = fraction[3, 2] = 0.5
+    fraction[1, 2], fraction[2, 1] = 0.1, 0.3  # maps of two robots are no neighbours
+    names, robots, zeros = ("a", "b", "c", "d"), ("robot_0", "robot_0", "robot_1", "robot_1"), np.zeros(4)
+    truth = Truth(names, np.tile(np.eye(3), (4, 1, 1)), zeros, robots, zeros, zeros, fraction)
+    warn_of_missed(truth, 0.52)
+    assert describe_missed(truth, 0.52) == caplog.messages == []
+    fraction[3, 2] = 0.3
+    warn_of_missed(truth, 0.52)
+    assert describe_missed(truth, 0.52) == ["c and d (0.40)"]
+    assert caplog.messages == ["submaps.measured_overlap=0.52 is met on average, but not by c and d (0.40)"]
 
 
 @pytest.mark.parametrize("value", [0.0, 1.0, -0.1])
