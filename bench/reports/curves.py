@@ -1,4 +1,4 @@
-"""Curves of a sweep: success against the swept value, and where it breaks."""
+"""Curves of a sweep: success, wrong maps, time and memory against the swept value, and where each method breaks."""
 
 import itertools
 import math
@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
+from matplotlib.axes import Axes
 
 from bench.reports import drawing
 from bench.reports.drawing import Label, Picture
@@ -17,64 +18,69 @@ from bench.scoring.statistics import breaking_point, wilson_share
 
 LEVELS = (0.9, 0.5)
 """Success rates whose loss is a breaking point."""
-_MOST_LETTERS = 48
+_SHARES = {
+    "success": "runs without a fault",
+    "right": "maps placed right",
+    "wrong": "placed maps that are wrong",
+}
+_COSTS = {"runtime_s": "time, s", "peak_memory_mb": "peak memory, MiB"}
+_MOST_LETTERS = 40
 """Ticks with more letters together are turned."""
+_NEAREST_TICKS = 0.04
+"""Distance of two ticks that can both be read, over that of the first and the last."""
 
 
 def success_curve(results: Results, key: str) -> pd.DataFrame:
-    """Success rate and rate of wrong maps for each method at each value of a swept key, with Wilson's intervals."""
+    """Shares of each method at each value of a swept key, with Wilson's intervals.
+
+    ``success`` is of the runs, ``right`` (placed, and not wrong) of all maps, ``wrong`` of the placed maps.
+    """
     rows = []
     for (method, value), group in results.scores.groupby(["method", key], sort=True, dropna=False):
-        success = wilson_share(int(group["success"].astype(bool).sum()), len(group))
-        placed = int(group["num_placed"].sum())
-        wrong = wilson_share(int(group["num_wrong"].sum()), placed)
-        rows.append(
-            {
-                "method": method,
-                key: value,
-                "runs": len(group),
-                "success": success.value,
-                "success_low": success.low,
-                "success_high": success.high,
-                "placed": placed / max(int(group["num_maps"].sum()), 1),
-                "wrong": wrong.value,
-                "wrong_low": wrong.low,
-                "wrong_high": wrong.high,
-            }
-        )
+        maps, placed, wrong = (int(group[name].sum()) for name in ("num_maps", "num_placed", "num_wrong"))
+        counts = {
+            "success": (int(group["success"].astype(bool).sum()), len(group)),
+            "right": (placed - wrong, maps),
+            "wrong": (wrong, placed),
+        }
+        row: dict[str, Any] = {"method": method, key: value, "runs": len(group)}
+        for name, count in counts.items():
+            share = wilson_share(*count)
+            row |= {name: share.value, f"{name}_low": share.low, f"{name}_high": share.high}
+        rows.append(row)
     return pd.DataFrame(rows)
 
 
 def breaking_points(curve: pd.DataFrame, key: str, hard_is_high: bool) -> pd.DataFrame:
-    """Where each method's success falls below 90 % and 50 %, coming from the easy end; a dash where it does not.
+    """Where each method's success falls below 90 % and 50 %, coming from the easy end.
 
-    In brackets where the lower and where the upper ends of the intervals do, between which it lies.
+    In brackets where the lower and where the upper ends of the intervals do, between which it lies; *already* where
+    success is below at the easiest value.
     """
+    easiest = float(curve[key].min() if hard_is_high else curve[key].max())
     rows = []
     for method, group in curve.groupby("method", sort=False):
-        row: dict[str, Any] = {"method": method, "swept": key}
+        row: dict[str, Any] = {"method": method}
         for level in LEVELS:
             points = [
                 breaking_point(group[key].astype(float).tolist(), group[name].tolist(), level, hard_is_high)
                 for name in ("success", "success_low", "success_high")
             ]
-            value, low, high = ("-" if math.isnan(point) else f"{point:.3g}" for point in points)
-            row[f"below {100 * level:.0f} % at"] = f"{value} ({low} to {high})"
+            value, low, high = (_tell(point, easiest) for point in points)
+            row[f"below {100 * level:.0f} % at"] = value if value == low == high else f"{value} ({low} to {high})"
         rows.append(row)
     return pd.DataFrame(rows)
 
 
 def draw_success(curve: pd.DataFrame, key: str, folder: Path) -> Picture:
-    """Success, and share of placed maps that are wrong, against a swept value, with 95 % intervals."""
-    methods = [str(m) for m in dict.fromkeys(curve["method"])]
-    colours = drawing.method_colours(methods)
-    panels = [
-        _draw_shares(curve, key, name, title)
-        for name, title in (("success", "runs without a fault"), ("wrong", "placed maps that are wrong"))
-    ]
-    alt = f"Success of {', '.join(methods)} against {key} and placed maps that are wrong, with 95 % intervals."
+    """Runs without a fault, maps placed right and wrong against a swept value, with 95 % intervals."""
+    alt = (
+        f"Runs without a fault, maps placed right and placed maps that are wrong against {key}, by method, with 95 % "
+        "intervals; the dotted lines are at 90 % and 50 %."
+    )
     label = Label(f"success-{key}", f"Success against {key}", alt)
-    return drawing.save_picture(panels, [(m, colours[m]) for m in methods], folder, label, curve)
+    panels = [_draw_curve(curve, key, name, title) for name, title in _SHARES.items()]
+    return drawing.save_picture(panels, drawing.method_legend(curve["method"]), folder, label, curve)
 
 
 def draw_costs(results: Results, key: str, folder: Path) -> Picture | None:
@@ -83,66 +89,64 @@ def draw_costs(results: Results, key: str, folder: Path) -> Picture | None:
     if known.empty or not _numeric(known[key]):
         return None
     columns = {
-        f"{score}_{part}": pd.NamedAgg(score, part)
-        for score, part in itertools.product(("runtime_s", "peak_memory_mb"), ("median", "min", "max"))
+        f"{score}{suffix}": pd.NamedAgg(score, part)
+        for score, (suffix, part) in itertools.product(_COSTS, (("", "median"), ("_low", "min"), ("_high", "max")))
     }
     table = known.groupby(["method", key], sort=True).agg(**columns).reset_index()
-    methods = [str(m) for m in dict.fromkeys(table["method"])]
-    colours = drawing.method_colours(methods)
-    panels = [
-        _draw_range(table, key, score, title)
-        for score, title in (("runtime_s", "time, s"), ("peak_memory_mb", "peak memory, MiB"))
-    ]
-    alt = f"Time and peak memory of {', '.join(methods)} against {key}: medians, with bars from the least to the most."
+    alt = f"Time and peak memory against {key}, by method: medians, with bars from the least to the most."
     label = Label(f"costs-{key}", f"Time and memory against {key}", alt)
-    return drawing.save_picture(panels, [(m, colours[m]) for m in methods], folder, label, table)
+    panels = [_draw_curve(table, key, name, title) for name, title in _COSTS.items()]
+    return drawing.save_picture(panels, drawing.method_legend(table["method"]), folder, label, table)
 
 
-def _draw_range(table: pd.DataFrame, key: str, score: str, title: str) -> Svg:
-    """The median and the range of a score of each method against a swept number."""
-    colours = drawing.method_colours([str(m) for m in dict.fromkeys(table["method"])])
+def _draw_curve(table: pd.DataFrame, key: str, name: str, title: str) -> Svg:
+    """A column of each method against a swept value, with bars from its ``_low`` to its ``_high``."""
+    hands = drawing.method_hands(table["method"])
+    places = np.unique(_positions(table[key], table[key]))
     with drawing.style():
         figure = drawing.new_figure(*drawing.CURVE_SIZE_IN)
         axis = figure.subplots()
-        for method, group in table.groupby("method", sort=False):
-            x, middle = group[key].to_numpy(dtype=float), group[f"{score}_median"].to_numpy(dtype=float)
-            low, high = (group[f"{score}_{end}"].to_numpy(dtype=float) for end in ("min", "max"))
-            bars = np.stack([middle - low, high - middle])
-            axis.errorbar(x, middle, yerr=bars, fmt="o-", color=colours[str(method)], capsize=3, linewidth=2)
+        for k, (method, hand) in enumerate(hands.items()):
+            group = table[table["method"] == method]
+            shift = 0.008 * (k - (len(hands) - 1) / 2) * float(np.ptp(places) or 1.0)
+            y, low, high = (group[f"{name}{end}"].to_numpy(dtype=float) for end in ("", "_low", "_high"))
+            x, bars = _positions(table[key], group[key]) + shift, np.stack([y - low, high - y])
+            axis.errorbar(x, y, yerr=bars, fmt=f"{hand.marker}-", color=hand.colour, capsize=3, linewidth=2)
         axis.set(title=title, xlabel=key)
-        axis.set_ylim(bottom=0.0)
         axis.grid(visible=True)
-    return drawing.render(figure, f"{score}-{key}")
-
-
-def _draw_shares(curve: pd.DataFrame, key: str, name: str, title: str) -> Svg:
-    """One share of each method against a swept value."""
-    methods = [str(m) for m in dict.fromkeys(curve["method"])]
-    colours = drawing.method_colours(methods)
-    places = np.unique(_positions(curve[key], curve[key]))
-    with drawing.style():
-        figure = drawing.new_figure(*drawing.CURVE_SIZE_IN)
-        axis = figure.subplots()
-        for method in methods:
-            group = curve[curve["method"] == method]
-            x, y = _positions(curve[key], group[key]), group[name].to_numpy(dtype=float)
-            low, high = group[f"{name}_low"].to_numpy(dtype=float), group[f"{name}_high"].to_numpy(dtype=float)
-            x = x + 0.008 * (methods.index(method) - (len(methods) - 1) / 2) * float(np.ptp(places) or 1.0)
-            axis.errorbar(x, y, yerr=np.stack([y - low, high - y]), fmt="none", ecolor=colours[method], capsize=3)
-            axis.plot(x, y, "o-", color=colours[method], linewidth=2)
-        axis.set(title=title, xlabel=key, ylim=(-0.03, 1.03))
-        axis.yaxis.set_major_formatter(lambda value, _position: f"{100 * value:.0f} %")
-        axis.grid(visible=True)
-        ticks = (
-            [_tick(value) for value in sorted(dict.fromkeys(curve[key]))]
-            if _numeric(curve[key])
-            else _words(curve[key])
-        )
-        axis.set_xticks(places, ticks, rotation=45 if sum(map(len, ticks)) > _MOST_LETTERS else 0)
-        if name == "success":
-            for level in LEVELS:
-                axis.axhline(level, linestyle=":", linewidth=1, color="#888888")
+        _set_ticks(axis, table[key])
+        _set_range(axis, name)
     return drawing.render(figure, f"{name}-{key}")
+
+
+def _set_range(axis: Axes, name: str) -> None:
+    """Shares from 0 to 100 %, success with the levels of its breaking points; costs from 0 on."""
+    if name not in _SHARES:
+        axis.set_ylim(bottom=0.0)
+        return
+    axis.set_ylim(-0.03, 1.03)
+    axis.yaxis.set_major_formatter(lambda value, _position: f"{100 * value:.0f} %")
+    for level in LEVELS if name == "success" else ():
+        axis.axhline(level, linestyle=":", linewidth=1, color="#888888")
+
+
+def _set_ticks(axis: Axes, values: "pd.Series[Any]") -> None:
+    """A tick for every swept value; many letters are turned, and a tick that its neighbour would hide stays silent."""
+    places = np.unique(_positions(values, values))
+    ticks = [_tick(value) for value in sorted(dict.fromkeys(values))] if _numeric(values) else _words(values)
+    shown, last = [], -math.inf
+    for place, tick in zip(places, ticks, strict=True):
+        clear = place - last >= _NEAREST_TICKS * float(np.ptp(places))
+        shown.append(tick if clear else "")
+        last = place if clear else last
+    axis.set_xticks(places, shown, rotation=45 if sum(map(len, shown)) > _MOST_LETTERS else 0)
+
+
+def _tell(point: float, easiest: float) -> str:
+    """A breaking point in words."""
+    if math.isnan(point):
+        return "never"
+    return f"{point:.3g} already" if point == easiest else f"{point:.3g}"
 
 
 def _tick(value: object) -> str:

@@ -1,7 +1,8 @@
 """How every picture looks: one set of colours, one hand, saved as SVG and the data behind it."""
 
 import io
-from collections.abc import Iterator, Sequence
+import itertools
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,16 +16,36 @@ from matplotlib import colormaps
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
-from bench.reports.svg import INK, Legend, Svg, parse_svg, scope_ids, write_file, write_inline
+from bench.reports.svg import INK, Entry, Legend, Svg, parse_svg, scope_ids, write_file, write_inline
 from bench.store import write_text
 
-METHOD_COLOURS = {"paper": "#2f7ed8", "robust": "#18a058", "sequential": "#e0792b", "external": "#a05bd0"}
-"""Colours of the methods, the same in every picture."""
+
+@dataclass(frozen=True)
+class Hand:
+    """How a method is drawn: by colour and by shape, for who cannot tell the colours apart."""
+
+    colour: str
+    """As SVG says it; the colours of our own methods stay apart for the colour-blind, on white and on black."""
+    marker: str
+    """As matplotlib names it."""
+    mark: str
+    """The same as a letter."""
+
+
+METHOD_HANDS = {
+    "paper": Hand("#3b82f6", "o", "●"),
+    "robust": Hand("#0c8f6b", "s", "■"),
+    "sequential": Hand("#e8820c", "^", "▲"),
+    "external": Hand("#a8489e", "D", "◆"),
+}
+"""Our methods, the same in every picture."""
 OTHER_COLOURS = ("#c2459a", "#8c8c00", "#00a0a8", "#b0603a", "#6a6ad8", "#7f7f7f")
-"""Colours of methods that have none of their own, in their order."""
-PAIR_COLOURS = {"tree": "#d1495b", "reliable": "#f2b134", "rejected": "#7f8794", "no_match": "none"}
+"""Colours of methods that are none of ours, in their order."""
+OTHER_MARKS = (("v", "▼"), ("<", "◀"), (">", "▶"), ("o", "●"), ("s", "■"), ("D", "◆"), ("^", "▲"))
+"""Their shapes: one more, so that a colour that comes again has another shape."""
+PAIR_COLOURS = {"tree": "#bf3650", "reliable": "#f2b134", "rejected": "#9aa3b0", "no_match": "none"}
 """Colours of relative motions: in the tree, confirmed, rejected, none."""
-CURVE_SIZE_IN = (5.4, 3.9)
+CURVE_SIZE_IN = (4.8, 3.6)
 """Width and height of a panel with curves."""
 
 
@@ -48,14 +69,22 @@ class Picture:
     """What it is called."""
     panels: tuple[str, ...]
     """Elements ``<svg>`` that take the page's text colour and may stand side by side."""
-    legend: tuple[tuple[str, str], ...]
-    """Words and the colour that each stands for."""
+    legend: tuple[Entry, ...]
+    """What its colours and marks stand for."""
 
 
-def method_colours(methods: Sequence[str]) -> dict[str, str]:
-    """A colour for every method."""
-    others = [m for m in methods if m not in METHOD_COLOURS]
-    return METHOD_COLOURS | {m: OTHER_COLOURS[k % len(OTHER_COLOURS)] for k, m in enumerate(others)}
+def method_hands(methods: Iterable[object]) -> dict[str, Hand]:
+    """How each method is drawn, each once, in their order; a method keeps its hand whoever is beside it."""
+    names = list(dict.fromkeys(map(str, methods)))
+    others = [name for name in names if name not in METHOD_HANDS]
+    drawn = zip(others, itertools.cycle(OTHER_COLOURS), itertools.cycle(OTHER_MARKS), strict=False)
+    hands = METHOD_HANDS | {name: Hand(colour, *marks) for name, colour, marks in drawn}
+    return {name: hands[name] for name in names}
+
+
+def method_legend(methods: Iterable[object]) -> list[Entry]:
+    """The legend of a picture of these methods."""
+    return [Entry(name, hand.colour, hand.mark) for name, hand in method_hands(methods).items()]
 
 
 def map_colours(count: int) -> npt.NDArray[np.float64]:
@@ -113,11 +142,11 @@ def save_picture(panels: Sequence[Svg], legend: Legend, folder: Path, label: Lab
 
     Args:
         panels: What was drawn, side by side.
-        legend: Words and the colour that each stands for.
+        legend: What their colours and marks stand for.
         folder: Where the files go.
         label: Their stem, and what the page says about it.
         data: The numbers behind it.
     """
     write_text(folder / f"{label.name}.svg", write_file(panels, legend))
     write_text(folder / f"{label.name}.csv", data.to_csv(index=False))
-    return Picture(label, tuple(write_inline(panel, label.alt) for panel in panels), tuple(legend))
+    return Picture(label, tuple(map(write_inline, panels)), tuple(legend))

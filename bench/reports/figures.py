@@ -14,6 +14,7 @@ from bench.reports.drawing import PAIR_COLOURS, Label, Picture, map_colours
 from bench.reports.exhibit import Exhibit
 from bench.reports.merged_picture import draw_merge, frame_of
 from bench.reports.panels import draw_image, draw_matrix
+from bench.reports.svg import Entry
 from bench.scoring import pair_metrics
 from bench.scoring.prediction import PredictedPair
 from merger import se2
@@ -26,7 +27,7 @@ _PAIR_WORDS = {
 
 
 def draw_pairs(exhibit: Exhibit, folder: Path) -> Picture:
-    """Fig. 6: true matches of each pair (a), pairs with a motion (b), tree, reliable and rejected motions (c)."""
+    """Fig. 6: matches of each pair, where the method tells of any, pairs with a motion, and what became of them."""
     names = [name.removeprefix("map_") for name in exhibit.prediction.names]
     count = len(names)
     inliers, words = np.zeros((count, count)), np.full((count, count), "no_match", dtype=object)
@@ -42,17 +43,18 @@ def draw_pairs(exhibit: Exhibit, folder: Path) -> Picture:
     nothing, found = np.full((count, count), "", dtype=object), np.where(words == "no_match", words, "rejected")
     counts = np.where(inliers > 0, np.char.mod("%d", inliers), "").astype(object)
     panels = [
-        draw_matrix("(a) true matches", names, _shade(inliers), counts),
-        draw_matrix("(b) pairs with a motion", names, _colour(found), nothing),
-        draw_matrix("(c) confirmed motions", names, _colour(words), wrong),
-    ]
-    legend = [(text, PAIR_COLOURS[key]) for key, text in _PAIR_WORDS.items()]
+        draw_matrix("matches that agree", names, _shade(inliers), counts),
+        draw_matrix("pairs with a motion", names, _colour(found), nothing),
+        draw_matrix("confirmed motions", names, _colour(words), wrong),
+    ][0 if inliers.any() else 1 :]
+    legend = [Entry(text, PAIR_COLOURS[key]) for key, text in _PAIR_WORDS.items()]
     num_motions = sum(p.T_target_source is not None for p in exhibit.prediction.pairs)
     alt = (
-        f"Three matrices of the {count} maps of {exhibit.label}: matches that agree, the {num_motions} pairs with a "
-        f"motion, and which of these are in the tree, confirmed or rejected; a cross: wrong, by the truth."
+        f"The {count} maps of {exhibit.label} against each other: {'matches that agree, ' * bool(inliers.any())}the "
+        f"{num_motions} pairs with a motion, and which of these are in the tree, confirmed or rejected; a cross: the "
+        "truth contradicts it."
     )
-    title = f"{exhibit.label}, {exhibit.method}: from matches to confirmed motions (Fig. 6)"
+    title = f"{exhibit.label}, {exhibit.method}: from matches to confirmed motions (as the paper's Fig. 6)"
     label = Label(_name("fig6", exhibit), title, alt)
     return drawing.save_picture(panels, legend, folder, label, pd.DataFrame(exhibit.scored.pairs))
 
@@ -70,7 +72,7 @@ def draw_coarse_fine(exhibit: Exhibit, folder: Path) -> Picture:
         f"Merged map of {exhibit.label} by {exhibit.method}: coarse motions, fine motions, and the truth. "
         f"{score['num_placed']} of {score['num_maps']} maps placed, {score['num_wrong']} wrong."
     )
-    title = f"{exhibit.label}, {exhibit.method}: merged map, coarse and fine (Fig. 8)"
+    title = f"{exhibit.label}, {exhibit.method}: merged map, coarse and fine (as the paper's Fig. 8)"
     known = [panel for panel in panels if np.isfinite(panel[1]).any()]
     return _draw_panels(exhibit, known, folder, Label(_name("fig8", exhibit), title, alt))
 
@@ -80,7 +82,7 @@ def draw_rivals(exhibits: Sequence[Exhibit], folder: Path) -> Picture:
     first = exhibits[0]
     panels = [(_verdict(e), e.T_world_map) for e in exhibits] + [("truth", first.dataset.truth.T_world_map)]
     verdicts = "; ".join(_verdict(e) for e in exhibits)
-    title = f"{first.label}: the methods side by side (Fig. 9)"
+    title = f"{first.label}: the methods side by side (as the paper's Fig. 9)"
     alt = f"Merged maps of {first.label} by each method beside the truth. {verdicts}."
     return _draw_panels(first, panels, folder, Label(_name("fig9", first, method=False), title, alt))
 
@@ -105,7 +107,7 @@ def draw_unreliable_pair(exhibit: Exhibit, folder: Path) -> Picture | None:
         return None
     truth = exhibit.dataset.truth.T_world_map
     pair = max(rejected, key=lambda p: (not pair_metrics.is_right(p, truth), np.nan_to_num(p.num_inliers)))
-    return draw_pair(exhibit, pair, folder, "fig7", "an unreliable motion (Fig. 7)")
+    return draw_pair(exhibit, pair, folder, "fig7", "an unreliable motion (as the paper's Fig. 7)")
 
 
 def draw_pair(exhibit: Exhibit, pair: PredictedPair, folder: Path, stem: str, what: str) -> Picture:
@@ -142,7 +144,7 @@ def _draw_panels(
         poses = np.concatenate([T[shown] for _, T in panels if np.isfinite(T[shown]).all()])
     raster = frame_of([maps[k] for k in shown] * (len(poses) // len(shown)), poses)
     images = [draw_image(text, draw_merge(maps, poses, raster), raster.cell_m) for text, poses in panels]
-    legend = [(maps[k].name, to_hex(map_colours(len(maps))[k])) for k in shown]
+    legend = [Entry(maps[k].name, to_hex(map_colours(len(maps))[k])) for k in shown]
     rows = [
         {"panel": text, "map": m.name, **dict(zip(("x_m", "y_m", "theta_rad"), se2.parameters_of(T), strict=True))}
         for text, poses in panels

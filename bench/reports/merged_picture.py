@@ -8,40 +8,48 @@ import numpy as np
 import numpy.typing as npt
 
 from bench.reports.drawing import map_colours
-from bench.scoring.map_raster import Raster, count_votes, make_sheet
+from bench.scoring.map_raster import Raster, Sheet, bounds_m, count_votes, make_sheet
 from merger import se2
 from merger.grid_map import GridMap
 
 Array = npt.NDArray[np.float64]
 _BRUSH = np.ones((2, 2), dtype=np.uint8)
-_FREE = (0.5, 0.5, 0.5, 0.16)
+_UNKNOWN, _FREE = (0.0, 0.0, 0.0, 0.0), (0.5, 0.5, 0.5, 0.16)
 
 
-def draw_merge(
-    maps: Sequence[GridMap], T_world_map: Array, raster: Raster, members: Sequence[int] | None = None
-) -> npt.NDArray[np.uint8]:
+def draw_merge(maps: Sequence[GridMap], T_world_map: Array, raster: Raster) -> npt.NDArray[np.uint8]:
     """Paint maps at their poses.
 
     Args:
-        maps: N maps; map k has the k-th colour whatever else is shown.
+        maps: N maps; map k has the k-th colour whatever else is shown, and its walls lie on those of maps before it.
         T_world_map: (N, 3, 3) poses; a map whose pose is NaN is left out.
         raster: The part of the world that is shown.
-        members: Which maps to show; none: all.
 
     Returns:
         (rows, cols, 4) RGBA, transparent where nothing is known, north up.
     """
-    image = np.zeros((raster.rows, raster.cols, 4))
-    colours = map_colours(len(maps))
-    shown = [k for k in (range(len(maps)) if members is None else members) if np.isfinite(T_world_map[k]).all()]
-    walls = []
-    for k in shown:
-        occupied, free = count_votes([make_sheet(maps[k])], T_world_map[k : k + 1], raster)
-        image[(free > 0) & (image[..., 3] == 0.0)] = _FREE
-        walls.append((colours[k], cv2.dilate((occupied > 0).astype(np.uint8), _BRUSH) > 0))
-    for colour, mask in walls:
-        image[mask] = (*colour, 1.0)
-    return np.asarray(np.rint(image[::-1] * 255.0), dtype=np.uint8)
+    paint = np.zeros((raster.rows, raster.cols), dtype=np.uint16)  # 0 unknown, 1 free, k + 2 a wall of map k
+    for k in map(int, np.flatnonzero(np.isfinite(T_world_map).all(axis=(1, 2)))):
+        sheet = make_sheet(maps[k])
+        window, part = _window_of(sheet, T_world_map[k], raster)
+        occupied, free = count_votes([sheet], T_world_map[k : k + 1], part)
+        shown = paint[window]
+        shown[(free > 0) & (shown == 0)] = 1
+        shown[cv2.dilate((occupied > 0).astype(np.uint8), _BRUSH) > 0] = k + 2
+    walls = [(*colour, 1.0) for colour in map_colours(len(maps))]
+    palette = np.rint(np.array([_UNKNOWN, _FREE, *walls]) * 255.0).astype(np.uint8)
+    return np.asarray(palette[paint[::-1]])
+
+
+def _window_of(sheet: Sheet, T_world_map: Array, raster: Raster) -> tuple[tuple[slice, slice], Raster]:
+    """The rows and columns of a raster that a map touches, brush included, and the raster that they are."""
+    low, high = bounds_m([sheet], T_world_map[None])
+    corner, most = np.array([raster.x_min_m, raster.y_min_m]), [raster.cols, raster.rows]
+    left, below = np.clip(np.floor((low - corner) / raster.cell_m), 0, most).astype(int)
+    right, above = np.clip(np.ceil((high - corner) / raster.cell_m) + 1, [left, below], most).astype(int)
+    x_m, y_m = corner + raster.cell_m * np.array([left, below])
+    part = Raster(float(x_m), float(y_m), raster.cell_m, int(above - below), int(right - left))
+    return (slice(below, above), slice(left, right)), part
 
 
 def frame_of(maps: Sequence[GridMap], T_world_map: Array, max_pixels: int = 600) -> Raster:

@@ -57,26 +57,24 @@ def write_report(path: Path, report: Report) -> None:
 
 def _plain(section: Section) -> dict[str, object]:
     """A section as the template wants it: cells as text, with their alignment and marks."""
-    rows: list[list[dict[str, object]]] = []
-    columns: list[dict[str, object]] = []
-    if section.table is not None:
-        table = section.table
-        numeric = [pd.api.types.is_numeric_dtype(table[c]) for c in table.columns]
-        columns = [{"text": c, "numeric": n} for c, n in zip(table.columns, numeric, strict=True)]
-        best = set(section.best)
-        for k, row in enumerate(table.itertuples(index=False)):
-            rows.append(
-                [
-                    {"text": format_value(v), "numeric": n, "best": (k, c) in best}
-                    for v, n, c in zip(row, numeric, table.columns, strict=True)
-                ]
-            )
+    table = pd.DataFrame() if section.table is None else section.table
+    names = [str(name) for name in table.columns]
+    numeric = [pd.api.types.is_numeric_dtype(table[name]) for name in names]
+    best = set(section.best)
+    rows = [
+        [
+            {"text": format_value(value), "numeric": n, "best": (k, name) in best}
+            for value, n, name in zip(row, numeric, names, strict=True)
+        ]
+        for k, row in enumerate(table.itertuples(index=False))
+    ]
     return {
         "title": section.title,
         "slug": "-".join(section.title.lower().split()),
         "text": section.text,
         "pictures": section.pictures,
-        "columns": columns,
+        "columns": [{"text": name, "numeric": n} for name, n in zip(names, numeric, strict=True)],
+        "key": names.index("method") if "method" in names else 0,
         "rows": rows,
         "points": section.points,
     }

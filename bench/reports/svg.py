@@ -9,11 +9,24 @@ INK = "#12345a"
 """Stands for the colour of text until the SVG is read: on a page it becomes ``currentColor``, light or dark."""
 FONT = 'font-family="DejaVu Sans, sans-serif"'
 """Of every text that is written by hand."""
-Legend = Sequence[tuple[str, str]]
-"""Words and the colour that each stands for."""
 
 _FILE_INK = "#222222"
-_GAP_PX, _ROW_PX, _SWATCH_PX, _LETTER_PX = 12.0, 18.0, 10.0, 6.6
+_GAP_PX, _ROW_PX, _MARK_PX, _LETTER_PX = 12.0, 18.0, 12.0, 6.6
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One word of a legend."""
+
+    word: str
+    """What is shown."""
+    colour: str
+    """How it is shown, as SVG says it."""
+    mark: str = "■"
+    """The letter that stands in this colour before the word."""
+
+
+Legend = Sequence[Entry]
 
 
 @dataclass(frozen=True)
@@ -48,13 +61,11 @@ def scope_ids(svg: Svg, name: str) -> Svg:
     return Svg(body, svg.width_px, svg.height_px)
 
 
-def write_inline(svg: Svg, label: str) -> str:
-    """A drawing as an element of a page: scalable, in the page's ink, with a spoken label."""
+def write_inline(svg: Svg) -> str:
+    """A drawing as an element of a page: scalable, in the page's ink, silent where the page says what it shows."""
     box = f'viewBox="0 0 {svg.width_px:g} {svg.height_px:g}"'
-    return (
-        f'<svg role="img" aria-label="{escape(label)}" xmlns="http://www.w3.org/2000/svg" {box}>'
-        f"{svg.body.replace(INK, 'currentColor')}</svg>"
-    )
+    body = svg.body.replace(INK, "currentColor")
+    return f'<svg aria-hidden="true" xmlns="http://www.w3.org/2000/svg" {box}>{body}</svg>'
 
 
 def write_file(svgs: Sequence[Svg], legend: Legend) -> str:
@@ -78,16 +89,14 @@ def _write_legend(legend: Legend, width: float, top: float) -> list[str]:
     """The rows of a legend that wraps at a width."""
     rows: list[list[str]] = []
     left = width
-    for text, colour in legend:
-        needed = _SWATCH_PX + 5.0 + _LETTER_PX * len(text) + _GAP_PX
+    for entry in legend:
+        needed = _MARK_PX + _LETTER_PX * len(entry.word) + _GAP_PX
         if left + needed > width:
             rows.append([])
             left = 0.0
-        y = top + _ROW_PX * (len(rows) - 0.5) - _SWATCH_PX / 2.0
-        rows[-1].append(
-            f'<rect x="{left:g}" y="{y:g}" width="{_SWATCH_PX:g}" height="{_SWATCH_PX:g}" fill="{colour}"/>'
-            f'<text x="{left + _SWATCH_PX + 5.0:g}" y="{y + 9.0:g}" {FONT} font-size="11" fill="{INK}">'
-            f"{escape(text)}</text>"
-        )
+        baseline = top + _ROW_PX * len(rows) - 5.0
+        for x, size, colour, text in ((left, 12, entry.colour, entry.mark), (left + _MARK_PX, 11, INK, entry.word)):
+            place = f'x="{x:g}" y="{baseline:g}"'
+            rows[-1].append(f'<text {place} {FONT} font-size="{size}" fill="{colour}">{escape(text)}</text>')
         left += needed
     return ["".join(row) for row in rows]

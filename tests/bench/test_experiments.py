@@ -103,7 +103,8 @@ def test_the_report_needs_nothing_else(finished: Path) -> None:
         "http://creativecommons.org/", ""
     ).replace("https://matplotlib.org/", "")
     assert "<script" not in html
-    assert html.count("<svg") == html.count('role="img" aria-label="')
+    assert html.count("<svg") == html.count('<svg aria-hidden="true"')
+    assert html.count("<figure>") == html.count('role="img" aria-label="') > 0
     for picture in (finished / "figures").glob("*.svg"):
         assert picture.with_suffix(".csv").is_file()
 

@@ -33,7 +33,9 @@ def test_swept_values_read_as_they_were_typed() -> None:
     assert table["recall"].tolist() == [0.1, 0.2]
 
 
-@pytest.mark.parametrize(("hard_is_high", "expected"), [(True, "2.2 (1 to -)"), (False, "3 (3 to 2.5)")])
+@pytest.mark.parametrize(
+    ("hard_is_high", "expected"), [(True, "2.2 (1 already to never)"), (False, "3 already (3 already to 2.5)")]
+)
 def test_a_breaking_point_lies_between_those_of_the_ends_of_its_intervals(hard_is_high: bool, expected: str) -> None:
     shares = {"success": [1.0, 1.0, 0.5], "success_low": [0.6, 0.6, 0.2], "success_high": [1.0, 1.0, 0.9]}
     if not hard_is_high:
