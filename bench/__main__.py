@@ -12,8 +12,9 @@ from omegaconf import OmegaConf
 from tqdm import tqdm
 
 from bench.cell import Cell
-from bench.cluster import launch_jobs
+from bench.cluster import check_launcher, launch_jobs
 from bench.experiment import Experiment, write_experiment
+from bench.out_folder import STORE, claim_folder
 from bench.plan import plan_cells
 from bench.run import RunOptions, run_cells
 from bench.settings import BenchSettings, read_settings
@@ -23,8 +24,10 @@ from sim.config import SimConfig
 from sim.hydra_schema import build, compose_config, parse_overrides, register
 from sim.resources import conf_folder
 from sim.sim_schema import register_schema
+from sim.source import check_source
 
 _MULTIRUN = ("-m", "--multirun")
+_WHOLE_RUN = ("experiment", "title", "table", "out", "workers", "retry_failed", "quiet")
 _OWN_KEYS = {"experiment", *(item.name for item in fields(BenchSettings))}
 
 
@@ -52,9 +55,12 @@ def _run(arguments: list[str]) -> int:
     planned = [_plan(job) for job in jobs]
     settings, name = planned[0][0], planned[0][1]
     cells = list({keys_of(cell).score: cell for _, _, job_cells in planned for cell in job_cells}.values())
+    if launcher:
+        check_launcher(conf_folder(), launcher)
+    _check_sources(cells)
     out = Path(settings.out or f"out/{name}")
-    _check_out(out)
-    store = Store(out / "store")
+    claim_folder(out)
+    store = Store(out / STORE)
     options = RunOptions(settings.workers, settings.retry_failed)
     if launcher:
         launch_jobs(cells, out, options, conf_folder(), launcher)
@@ -70,7 +76,7 @@ def expand_sweep(overrides: Sequence[str], multirun: bool) -> list[list[str]]:
     """The overrides of every job: ``key=a,b`` gives two, as hydra's own sweeper does it.
 
     Raises:
-        ValueError: a key has several values without ``-m``.
+        ValueError: a key has several values without ``-m``, or belongs to the run as a whole.
     """
     choices: list[list[str]] = []
     for override in parse_overrides(overrides):
@@ -78,6 +84,8 @@ def expand_sweep(overrides: Sequence[str], multirun: bool) -> list[list[str]]:
         if override.is_sweep_override():
             if not multirun:
                 raise ValueError(f"'{override.input_line}' has several values: sweeps need -m")
+            if key in _WHOLE_RUN:
+                raise ValueError(f"{key} is a setting of the whole run, and cannot be swept")
             choices.append([f"{key}={value}" for value in override.sweep_string_iterator()])
         else:
             choices.append([str(override.input_line)])
@@ -111,9 +119,11 @@ def _root_key(override: str) -> str:
     return override.partition("=")[0].split(".")[0]
 
 
-def _check_out(out: Path) -> None:
-    if out.exists() and not out.is_dir():
-        raise ValueError(f"out: {out} is not a folder")
+def _check_sources(cells: Sequence[Cell]) -> None:
+    """Refuse a world or a log that cannot be used, each once."""
+    configs = {(c.dataset.config.world, c.dataset.config.source): c.dataset.config for c in cells}
+    for config in configs.values():
+        check_source(config)
 
 
 def _tick(bar: "tqdm[Any]", scored: ScoredCell) -> None:

@@ -9,13 +9,31 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import hydra
+from hydra.core.global_hydra import GlobalHydra
+from hydra.errors import HydraException
 from omegaconf import DictConfig
+from omegaconf.errors import OmegaConfBaseException
 
 from bench.cell import Cell
 from bench.run import RunOptions, run_cells
 from bench.store import Store, write_bytes
+from sim.hydra_schema import OverrideError, one_line
 
 _PLAN = "plan.pickle"
+
+
+def check_launcher(conf: Path, overrides: Sequence[str]) -> None:
+    """Refuse a launcher that hydra does not know, or a key that the launcher lacks, before anything is written.
+
+    Raises:
+        OverrideError: one of the overrides cannot be used.
+    """
+    GlobalHydra.instance().clear()
+    try:
+        with hydra.initialize_config_dir(str(conf.absolute()), version_base="1.3"):
+            hydra.compose("bench_job", overrides=list(overrides), return_hydra_config=True)
+    except (HydraException, OmegaConfBaseException) as error:
+        raise OverrideError(one_line(error)) from None
 
 
 def launch_jobs(cells: Sequence[Cell], out: Path, options: RunOptions, conf: Path, overrides: Sequence[str]) -> None:

@@ -24,7 +24,7 @@ def plan_cells(settings: BenchSettings, overrides: Sequence[str], compose: Compo
 
     Args:
         settings: The experiment.
-        overrides: What the command line says about the dataset; it has the last word.
+        overrides: What the command line says about the dataset; it has the last word, over swept values, too.
         compose: Gives a dataset's config.
 
     Raises:
@@ -47,14 +47,15 @@ def plan_datasets(settings: BenchSettings, overrides: Sequence[str], compose: Co
     if settings.all_logs:
         used = {entry.log for entry in entries.values()}
         entries |= {f"{name}-real": DatasetSettings(log=name) for name in logs if name not in used}
-    typed = _typed(overrides)
+    typed, said = _typed(overrides), {override.partition("=")[0] for override in overrides}
+    sweep = {key: points for key, points in settings.sweep.items() if key not in said}
     specs = []
     for label, entry in entries.items():
         base = _entry_overrides(entry, logs, settings.log_overrides)
         if base is None:
             continue
-        for point in itertools.product(*settings.sweep.values()):
-            swept = dict(zip(settings.sweep, point, strict=True))
+        for point in itertools.product(*sweep.values()):
+            swept = dict(zip(sweep, point, strict=True))
             config = compose([*base, *(f"{key}={_text(value)}" for key, value in swept.items()), *overrides])
             specs.append(DatasetSpec(label or _building(config), config, tuple((typed | swept).items())))
     return specs

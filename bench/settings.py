@@ -7,6 +7,8 @@ from bench.cell import Setting
 
 OWN_METHODS = ("paper", "robust", "sequential")
 """Methods of our own package."""
+TABLES = ("summary", "table1", "table2", "ablation", "fidelity", "robust")
+"""Tables that a report can begin with."""
 
 
 @dataclass(frozen=True)
@@ -44,13 +46,13 @@ class BenchSettings:
     """What is run, and how.
 
     Raises:
-        ValueError: a number is out of its range.
+        ValueError: a number is out of its range, or the table is unknown.
     """
 
     title: str = "One dataset"
     """Heading of the report."""
     table: str = "summary"
-    """Which table is printed first: ``summary``, ``table1``, ``table2``, ``ablation``, ``fidelity`` or ``robust``."""
+    """Which of `TABLES` is printed first."""
     datasets: dict[str, Any] = field(default_factory=dict)
     """`DatasetSettings` by name; none: one, made by the other keys of the command line."""
     all_logs: bool = False
@@ -93,7 +95,9 @@ class BenchSettings:
     """Whether to say nothing but errors."""
 
     def __post_init__(self) -> None:
-        """Refuse numbers out of range."""
+        """Refuse numbers out of range, and a table that there is not."""
+        if self.table not in TABLES:
+            raise ValueError(f"table must be one of {', '.join(TABLES)}, got '{self.table}'")
         lowest = {"orders": 0, "seed": 0, "seeds": 1, "workers": 1, "method_workers": 1}
         for name, low in lowest.items():
             if getattr(self, name) < low:

@@ -14,12 +14,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bench.__main__ import main
+from bench.__main__ import compose_sim, main
 from bench.cell import Cell, DatasetSpec, MethodKind, MethodSpec
+from bench.plan import plan_cells
 from bench.run import RunOptions, run_cells
+from bench.settings import BenchSettings
 from bench.store import Store
 from sim.config import SimConfig
 from sim.maps.submaps import SubmapsConfig
+from sim.sim_schema import register_schema
 
 CONTRACT = {
     *("dataset", "world", "method", "seed", "status", "reason", "num_maps", "num_placed", "num_wrong", "success"),
@@ -227,6 +230,10 @@ def test_a_dataset_that_cannot_be_made_is_a_row_with_its_reason(store: Store, ti
         (["method=external"], "method.command"),
         (["method=external", "method.command=prog"], "{maps}"),
         (["logs=nowhere", "experiment=table1"], "nowhere"),
+        (["world=nowhere"], "nowhere"),
+        (["table=nonesuch"], "table must be one of"),
+        (["-m", "workers=1,2"], "workers is a setting of the whole run"),
+        (["hydra/launcher=nonesuch"], "hydra/launcher/nonesuch"),
     ],
 )
 def test_bad_input_is_one_line_and_nothing_is_written(
@@ -237,6 +244,26 @@ def test_bad_input_is_one_line_and_nothing_is_written(
     assert error.count("\n") == 1
     assert fault in error
     assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_with_other_content_is_refused_and_left_as_it_was(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "thesis.tex").write_text("all my work")
+    for out in (tmp_path, tmp_path / "thesis.tex", tmp_path / "thesis.tex" / "below"):
+        assert run("world=tim", f"out={out}") == 2
+        assert capsys.readouterr().err.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def test_a_key_on_the_command_line_replaces_the_values_that_an_experiment_sweeps() -> None:
+    register_schema()
+    settings = BenchSettings(sweep={"submaps.overlap": [0.1, 0.2], "submaps.count": [2, 3]})
+    cells = plan_cells(settings, ["submaps.overlap=0.4"], compose_sim)
+    assert [(c.dataset.config.submaps.overlap, dict(c.dataset.swept)) for c in cells] == [
+        (0.4, {"submaps.overlap": 0.4, "submaps.count": 2}),
+        (0.4, {"submaps.overlap": 0.4, "submaps.count": 3}),
+    ]
 
 
 def test_the_help_lists_experiments_and_keys(capsys: pytest.CaptureFixture[str]) -> None:
