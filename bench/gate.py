@@ -87,7 +87,7 @@ def describe(comparison: Comparison) -> str:
     if comparison.other_data:
         lines.append(f"not the baseline's data (make it anew with --update): {', '.join(comparison.other_data[:5])}")
     lines += [f"time of {method}: {text}" for method, text in comparison.times]
-    verdict = f"{len(findings)} scores got worse" if findings else "no score got worse"
+    verdict = f"{len(findings) or 'no'} score{'s' * (len(findings) > 1)} got worse"
     return "\n".join([*lines, f"gate: {verdict}, {compared}"])
 
 

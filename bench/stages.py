@@ -22,6 +22,8 @@ from sim.config import num_submaps, to_plain_dict
 from sim.datasets.dataset import make_dataset, read_dataset
 
 _INDEX = "dataset.json"
+_NO_PLACE = "OSError: "
+"""How a full disk answers: no finding about a dataset, and nothing to remember."""
 _OWN_LIMITS = Limits(time_s=3600.0, memory_mb=16384.0)
 """Of the bench's own work: making a dataset, scoring."""
 
@@ -67,13 +69,19 @@ def keys_of(cell: Cell) -> CellKeys:
 
 
 def finish_dataset(store: Store, spec: DatasetSpec, key: str, retry_failed: bool) -> Outcome:
-    """Make a dataset unless it is there; a failure is remembered, too."""
+    """Make a dataset unless it is there; a failure is remembered, too.
+
+    Raises:
+        OSError: it cannot be written.
+    """
     if (store.dataset(key) / _INDEX).is_file():
         return Outcome("ok")
     known = store.read("failed_datasets", key)
     if known and not retry_failed:
         return Outcome("failed", known["reason"])
     outcome = run_isolated(_make, (spec, store.dataset(key)), _OWN_LIMITS)
+    if outcome.reason and outcome.reason.startswith(_NO_PLACE):
+        raise OSError(outcome.reason)
     if outcome.status != "ok":
         outcome = replace(outcome, status="failed", reason=f"dataset: {outcome.reason}")
         store.write("failed_datasets", key, {"reason": outcome.reason})

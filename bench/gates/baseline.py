@@ -40,7 +40,7 @@ def read_baseline(path: Path) -> list[GateRow]:
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise ValueError(f"{path}: no such baseline; --update makes it") from None
+        raise ValueError(f"{path}: no such baseline; --update (in pytest --merge-gate-update) makes it") from None
     except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
         raise ValueError(f"{path}: no baseline ({' '.join(str(error).split())})") from None
     if not isinstance(document, dict) or document.get("schema") != SCHEMA or not document.get("rows"):

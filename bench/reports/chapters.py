@@ -84,15 +84,16 @@ _BREAKING_TEXT = (
 
 def _sweep_chapters(settings: BenchSettings, results: Results, folder: Path) -> list[Section]:
     chapters = []
-    for key in results.swept:
-        if results.scores[key].nunique() < 2:
-            continue
+    varied = [key for key in results.swept if results.scores[key].nunique() > 1]
+    for key in varied:
+        others = ", ".join(other for other in varied if other != key)
+        text = _BREAKING_TEXT + (f" A point takes the runs of all values of {others} together." if others else "")
         curve = curves.success_curve(results, key)
         table = None
         if pd.api.types.is_numeric_dtype(curve[key]):
             table = curves.breaking_points(curve, key, settings.hard_is_high.get(key, True))
         pictures = (curves.draw_success(curve, key, folder), curves.draw_costs(results, key, folder))
-        chapters.append(Section(f"Breaking points: {key}", _BREAKING_TEXT, tuple(p for p in pictures if p), table))
+        chapters.append(Section(f"Breaking points: {key}", text, tuple(p for p in pictures if p), table))
     return chapters
 
 

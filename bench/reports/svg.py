@@ -11,6 +11,8 @@ FONT = 'font-family="DejaVu Sans, sans-serif"'
 """Of every text that is written by hand."""
 
 _FILE_INK = "#222222"
+_LARGEST = 1.5
+"""Pixels of a page for a pixel of a drawing at most, so that letters have one size, few panels or many."""
 _GAP_PX, _ROW_PX, _MARK_PX, _LETTER_PX = 12.0, 18.0, 12.0, 6.6
 
 
@@ -65,7 +67,8 @@ def write_inline(svg: Svg) -> str:
     """A drawing as an element of a page: scalable, in the page's ink, silent where the page says what it shows."""
     box = f'viewBox="0 0 {svg.width_px:g} {svg.height_px:g}"'
     body = svg.body.replace(INK, "currentColor")
-    return f'<svg aria-hidden="true" xmlns="http://www.w3.org/2000/svg" {box}>{body}</svg>'
+    size = f'style="max-width:{_LARGEST * svg.width_px:.0f}px"'
+    return f'<svg aria-hidden="true" xmlns="http://www.w3.org/2000/svg" {box} {size}>{body}</svg>'
 
 
 def write_file(svgs: Sequence[Svg], legend: Legend) -> str:

@@ -1,6 +1,7 @@
 """Experiments from the command line to the folder of results, on a tiny building."""
 
 import dataclasses
+import functools
 import io
 import os
 import random
@@ -14,8 +15,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from bench import stages
 from bench.__main__ import compose_sim, main
-from bench.cell import Cell, DatasetSpec, MethodKind, MethodSpec
+from bench.cell import Cell, DatasetSpec, MethodKind, MethodSpec, Outcome
 from bench.plan import plan_cells
 from bench.run import RunOptions, run_cells
 from bench.settings import BenchSettings
@@ -215,6 +217,18 @@ def test_a_dataset_that_cannot_be_made_is_a_row_with_its_reason(store: Store, ti
     row = external_row(store, config, f"{sys.executable} -c pass {{maps}} {{out}}")
     assert row["status"] == "failed"
     assert row["reason"].startswith("dataset: ")
+
+
+def test_a_full_disk_ends_the_run_and_is_not_remembered_as_a_failure_of_the_dataset(
+    store: Store, tiny_config: SimConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    full = Outcome("failed", "OSError: [Errno 28] No space left on device")
+    finish = functools.partial(stages.finish_dataset, store, DatasetSpec("tiny", tiny_config), "a_key")
+    with monkeypatch.context() as patch:
+        patch.setattr(stages, "run_isolated", lambda *_: full)
+        with pytest.raises(OSError, match="No space left"):
+            finish(retry_failed=False)
+    assert finish(retry_failed=False).status == "ok"
 
 
 @pytest.mark.parametrize(

@@ -44,6 +44,11 @@ def run_suite(folder, *options, **environment):
 
 
 def test_a_suite_of_ones_own_is_green_until_its_merger_gets_worse(suite):
+    status, text = run_suite(suite)
+    assert status == 1
+    assert "merge_gate: " in text
+    assert "--merge-gate-update) makes it" in text
+    assert "Traceback" not in text
     assert run_suite(suite, "--merge-gate-update")[0] == 0
     assert (suite / "function.json").is_file()
     assert run_suite(suite)[0] == 0
