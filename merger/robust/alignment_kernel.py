@@ -129,24 +129,22 @@ def _meet(T: Array, walls: Walls, other: View, cutoff_m: float) -> _Meetings:
     cells = find_cells(x, y, other.fields)
     near = np.flatnonzero(distances_of(other.fields, cells) < cutoff_m)
     motion, point = split_numbers(near, len(walls.points))
-    met = other.walls.table.take(other.fields.nearest.ravel().take(cells.take(near)), axis=1)
+    met = other.walls.columns_of(other.fields.nearest.ravel().take(cells.take(near)))
     place = np.stack([x.take(near), y.take(near)])
-    return _weigh(T, motion, place, (walls.table.take(point, axis=1), met), cutoff_m)
+    return _weigh(T, motion, place, (walls.columns_of(point), met), cutoff_m)
 
 
 def _meet_many(T: Array, walls: Sequence[Walls], other: View, cutoff_m: Array) -> _Meetings:
     """The same for K maps, each moved by its own motion, with its own cut-off: in one call on long arrays."""
-    motion = np.repeat(np.arange(len(T)), [len(item.lengths_m) for item in walls])
-    table = np.concatenate([item.table for item in walls], axis=1)
-    x, y = (
-        row[0].take(motion) * table[0] + row[1].take(motion) * table[1] + row[2].take(motion)
-        for row in T[:, :2].transpose(1, 2, 0)
-    )
+    counts = [len(item.table) for item in walls]
+    moved = [move_points(one, item.points) for one, item in zip(T[:, None], walls, strict=True)]
+    x, y = (np.concatenate([places[axis][0] for places in moved]) for axis in (0, 1))
     cells = find_cells(x, y, other.fields)
-    near = np.flatnonzero(distances_of(other.fields, cells) < cutoff_m.take(motion))
-    met = other.walls.table.take(other.fields.nearest.ravel().take(cells.take(near)), axis=1)
-    place, motion = np.stack([x.take(near), y.take(near)]), motion.take(near)
-    return _weigh(T, motion, place, (table.take(near, axis=1), met), cutoff_m.take(motion))
+    near = np.flatnonzero(distances_of(other.fields, cells) < np.repeat(cutoff_m, counts))
+    met = other.walls.columns_of(other.fields.nearest.ravel().take(cells.take(near)))
+    place, motion = np.stack([x.take(near), y.take(near)]), np.repeat(np.arange(len(T)), counts).take(near)
+    together = Walls(np.concatenate([item.table for item in walls]))
+    return _weigh(T, motion, place, (together.columns_of(near), met), cutoff_m.take(motion))
 
 
 def _weigh(

@@ -16,35 +16,39 @@ NUM_SUMS = 8
 
 
 class Walls(NamedTuple):
-    """Wall points of one map, frame ``field``; each quantity lies in rows of one table, so that look-ups are fast."""
+    """Wall points of one map, frame ``field``; all of a point lies together in one table, so that look-ups are fast."""
 
     table: Array
-    """(8, N) x and y of the places, normals and facings, then linearity and length."""
+    """(N, 8) x and y of the places, normals and facings, then linearity and length."""
 
     @property
     def points(self) -> Array:
         """(N, 2) places, metres."""
-        return self.table[0:2].T
+        return self.table[:, 0:2]
 
     @property
     def normals(self) -> Array:
         """(N, 2) unit normals, sign arbitrary."""
-        return self.table[2:4].T
+        return self.table[:, 2:4]
 
     @property
     def facing(self) -> Array:
         """(N, 2) direction to the free side, of length 0 (free all round, or nowhere) to 1 (one side wholly free)."""
-        return self.table[4:6].T
+        return self.table[:, 4:6]
 
     @property
     def linearity(self) -> Array:
         """(N,) 0..1: how much the wall about a point is a line, 0 for a lone point or a corner."""
-        return np.asarray(self.table[6])
+        return np.asarray(self.table[:, 6])
 
     @property
     def lengths_m(self) -> Array:
         """(N,) wall length that each point stands for, metres."""
-        return np.asarray(self.table[7])
+        return np.asarray(self.table[:, 7])
+
+    def columns_of(self, numbers: Numbers | npt.NDArray[np.int32]) -> Array:
+        """(8, M) columns of the table for some of the points, by number."""
+        return np.ascontiguousarray(self.table.take(numbers, axis=0).T)
 
 
 class Fields(NamedTuple):
@@ -94,14 +98,16 @@ def compare_walls(  # noqa: PLR0917 # the limits of `VerificationConfig`, in its
     cells = find_cells(x[0], y[0], fields)
     distance = distances_of(fields, cells)
     state = fields.state.ravel().take(cells)
-    conflict = walls.lengths_m[(state == FREE) & (distance > far_m)].sum()
-    loose = walls.lengths_m[(state != UNKNOWN) & (distance > near_m) & (distance <= far_m)].sum()
+    lengths_m = walls.lengths_m
+    conflict = lengths_m.take(np.flatnonzero((state == FREE) & (distance > far_m))).sum()
+    loose = lengths_m.take(np.flatnonzero((state != UNKNOWN) & (distance > near_m) & (distance <= far_m))).sum()
     near = np.flatnonzero(distance <= near_m)
-    opposed = _are_opposed(T, walls, to, near, fields.nearest.ravel().take(cells.take(near)), facing)
-    opposed_m = walls.lengths_m[near[opposed]].sum()
-    same = near[~opposed]
-    n, (line, length) = walls.table[2:4].take(same, axis=1), walls.table[6:].take(same, axis=1)
-    tight = (length * np.exp(-0.5 * (distance[same] / tight_m) ** 2)).sum()
+    own = walls.columns_of(near)
+    opposed = _are_opposed(T, own[4:6], to, fields.nearest.ravel().take(cells.take(near)), facing)
+    opposed_m = own[7, opposed].sum()
+    same = np.flatnonzero(~opposed)
+    n, (line, length) = own[2:4].take(same, axis=1), own[6:].take(same, axis=1)
+    tight = (length * np.exp(-0.5 * (distance.take(near.take(same)) / tight_m) ** 2)).sum()
     xx, xy, _, yy = (n * (length * line) @ n.T).ravel()
     blunt = 0.5 * (length * (1.0 - line)).sum()
     return np.array([length.sum(), opposed_m, conflict, loose, tight, xx + blunt, xy, yy + blunt])
@@ -112,15 +118,15 @@ def find_agreeing(T: Array, walls: Walls, to: Walls, fields: Fields, near_m: flo
     x, y = move_points(T[None], walls.points)
     cells = find_cells(x[0], y[0], fields)
     near = np.flatnonzero(distances_of(fields, cells) <= near_m)
-    return near[~_are_opposed(T, walls, to, near, fields.nearest.ravel().take(cells.take(near)), facing)]
+    facings, met = walls.facing.take(near, axis=0).T, fields.nearest.ravel().take(cells.take(near))
+    return near[~_are_opposed(T, facings, to, met, facing)]
 
 
-def _are_opposed(  # noqa: PLR0917 # what both callers have at hand
-    T: Array, walls: Walls, to: Walls, near: Numbers, met: npt.NDArray[np.int32], facing: float
+def _are_opposed(
+    T: Array, facings: Array, to: Walls, met: npt.NDArray[np.int32], facing: float
 ) -> npt.NDArray[np.bool_]:
-    """(M,) whether walls, by number, and the walls they meet are opposite faces."""
-    f, g = walls.table[4:6].take(near, axis=1), to.table[4:6].take(met, axis=1)
-    return turned_product(T[0, 0], T[1, 0], *f, *g) < -facing
+    """(M,) whether walls of (2, M) facings and the walls they meet, by number, are opposite faces."""
+    return turned_product(T[0, 0], T[1, 0], *facings, *to.columns_of(met)[4:6]) < -facing
 
 
 def score_walls(  # noqa: PLR0917 # the limits of `VerificationConfig`, in its order
@@ -147,9 +153,10 @@ def score_walls(  # noqa: PLR0917 # the limits of `VerificationConfig`, in its o
     near = np.flatnonzero(distance <= near_m)
     motion, point = split_numbers(near, len(walls.points))
     met = fields.nearest.ravel().take(cells.take(near))
-    sides = (*walls.table[4:6].take(point, axis=1), *to.table[4:6].take(met, axis=1))
+    own = walls.columns_of(point)
+    sides = (*own[4:6], *to.columns_of(met)[4:6])
     same = turned_product(*T[:, :2, 0].T.take(motion, axis=1), *sides) >= -facing
-    agreeing_m = np.asarray(np.bincount(motion, walls.lengths_m[point] * same, len(T)), np.float64)
+    agreeing_m = np.asarray(np.bincount(motion, own[7] * same, len(T)), np.float64)
     return agreeing_m, np.einsum("ij,j", conflict, walls.lengths_m)
 
 
@@ -167,7 +174,7 @@ def split_numbers(numbers: Numbers, count: int) -> tuple[Numbers, Numbers]:
 
 def move_points(T: Array, points: Array) -> tuple[Array, Array]:
     """(K, N) x and y of (N, 2) points under (K, 3, 3) motions."""
-    x, y = points[:, 0], points[:, 1]
+    x, y = np.ascontiguousarray(points.T)
     return (
         T[:, 0, :1] * x + T[:, 0, 1:2] * y + T[:, 0, 2:],
         T[:, 1, :1] * x + T[:, 1, 1:2] * y + T[:, 1, 2:],

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from merger import se2
 from merger.grid_map import GridMap
 from merger.robust.wall_kernels import FREE, OCCUPIED, UNKNOWN, Fields, View, Walls
+from merger.robust.wall_surroundings import Surroundings, describe_surroundings
 
 Array = npt.NDArray[np.float64]
 
@@ -89,7 +90,7 @@ class WallStructure:
         """About ``count`` of the wall points, taken evenly, whose lengths have the same sum; None: all."""
         step = max(1, round(len(self.walls.points) / count)) if count else 1
         if step not in self._samples:
-            thinned = Walls(self.walls.table[:, ::step].copy())
+            thinned = Walls(self.walls.table[::step].copy())
             thinned.lengths_m[:] *= step
             self._samples[step] = thinned
         return self._samples[step]
@@ -123,32 +124,17 @@ def extract_structure(grid: GridMap, config: WallStructureConfig) -> WallStructu
     surface = occupied & (cv2.erode(occupied.astype(np.uint8), np.ones((3, 3), np.uint8)) == 0)
     rows, cols = np.nonzero(surface)
     cells = np.asarray((np.stack([cols, rows], axis=-1) + 0.5) * grid.resolution_m, dtype=np.float64)
-    half = max(1, round(config.normal_radius_m / grid.resolution_m))
-    moments = _moments(surface, rows, cols, half, ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)))
-    normals, linearity = _directions(moments)
+    about = describe_surroundings(surface, state == FREE, (rows, cols), config.normal_radius_m / grid.resolution_m)
     group = _groups(cells, config.spacing_m)
-    facing = _facing(state == FREE, rows, cols, half)
-    support = np.clip((moments[0] - 1.0) * grid.resolution_m / config.support_m, 0.0, 1.0)
-    points, normals, linearity, facing = _join(cells, normals, linearity, facing, group)
+    support = np.clip((about.num_cells - 1.0) * grid.resolution_m / config.support_m, 0.0, 1.0)
+    points, normals, linearity, facing = _join(cells, about, group)
     distance_m, nearest = _nearest_fields(surface, rows, cols, group, grid.resolution_m)
     lengths_m = _lengths(points, max(config.metre_m, grid.resolution_m)) * _group_max(support, group)
-    walls = Walls(np.vstack([points.T, normals.T, facing.T, linearity, lengths_m]))
+    walls = Walls(np.column_stack([points, normals, facing, linearity, lengths_m]))
     fields = Fields(distance_m, nearest, state, grid.resolution_m)
     free_points, free_point_m2 = _sample_free(state, grid.resolution_m, config.free_spacing_m)
     T_grid_field = se2.make_motion(-pad * grid.resolution_m, -pad * grid.resolution_m, 0.0)
     return WallStructure(grid.name, walls, fields, free_points, free_point_m2, grid.T_map_grid @ T_grid_field)
-
-
-def _directions(moments: Array) -> tuple[Array, Array]:
-    """Normals and linearity of wall cells from the (6, P) moments of the cells about each, up to the second."""
-    count, mean_x, mean_y, xx, xy, yy = moments
-    cxx = xx - mean_x * mean_x / count
-    cyy = yy - mean_y * mean_y / count
-    cxy = xy - mean_x * mean_y / count
-    angle = 0.5 * np.arctan2(2.0 * cxy, cxx - cyy)
-    spread = np.hypot(cxx - cyy, 2.0 * cxy)
-    linearity = np.where(count >= 3.0, spread / np.maximum(cxx + cyy, 1e-9), 0.0)
-    return np.stack([-np.sin(angle), np.cos(angle)], axis=-1), np.clip(linearity, 0.0, 1.0)
 
 
 def _group_max(values: Array, group: npt.NDArray[np.int64]) -> Array:
@@ -158,36 +144,6 @@ def _group_max(values: Array, group: npt.NDArray[np.int64]) -> Array:
     return largest
 
 
-def _facing(free: npt.NDArray[np.bool_], rows: npt.NDArray[np.int64], cols: npt.NDArray[np.int64], half: int) -> Array:
-    """Mean offset of the free cells about wall cells, 1 long if half of the window is free."""
-    half_plane = (2 * half + 1) * half * (half + 1) / 2.0
-    return _moments(free, rows, cols, half, ((1, 0), (0, 1))).T / half_plane
-
-
-def _moments(
-    mask: npt.NDArray[np.bool_],
-    rows: npt.NDArray[np.int64],
-    cols: npt.NDArray[np.int64],
-    half: int,
-    powers: tuple[tuple[int, int], ...],
-) -> Array:
-    """(len(powers), P) sums over a square window about P cells of ``dx ** p * dy ** q`` where the mask holds.
-
-    Along the rows for the whole mask, along the columns for the P cells only.
-    """
-    offset = np.arange(-half, half + 1)
-    image = cv2.copyMakeBorder(mask.astype(np.float32), half, half, 0, 0, cv2.BORDER_CONSTANT)
-    window = (rows[:, None] + half + offset, cols[:, None])
-    strips = {}
-    for p in {p for p, _ in powers}:
-        kernel = offset.astype(np.float32) ** p
-        strips[p] = cv2.sepFilter2D(image, cv2.CV_32F, kernel, np.ones(1, np.float32), borderType=cv2.BORDER_CONSTANT)[
-            window
-        ]
-    # Sums of whole numbers below 2^24 are exact in single precision.
-    return np.array([np.einsum("ij,j", strips[p], offset.astype(np.float32) ** q) for p, q in powers], dtype=np.float64)
-
-
 def _groups(points: Array, side_m: float) -> npt.NDArray[np.int64]:
     """Number of the square of a given side that holds each point, 0..G-1."""
     squares: npt.NDArray[np.int64] = np.floor(points / side_m + 1e-6).astype(np.int64)
@@ -195,16 +151,15 @@ def _groups(points: Array, side_m: float) -> npt.NDArray[np.int64]:
     return np.asarray(group, dtype=np.int64)
 
 
-def _join(
-    cells: Array, normals: Array, linearity: Array, facing: Array, group: npt.NDArray[np.int64]
-) -> tuple[Array, Array, Array, Array]:
+def _join(cells: Array, about: Surroundings, group: npt.NDArray[np.int64]) -> tuple[Array, Array, Array, Array]:
     """One point a group: its mean place and facing, and the direction of its most line-like cell."""
     count = np.bincount(group)
-    points = np.stack([np.bincount(group, cells[:, k]) / count for k in range(2)], axis=-1)
-    faces = np.stack([np.bincount(group, facing[:, k]) / count for k in range(2)], axis=-1)
-    order = np.lexsort((linearity, group))
-    best = order[np.cumsum(count) - 1]
-    return points, normals[best], linearity[best], faces
+    points, faces = (
+        np.stack([np.bincount(group, values[:, k]) / count for k in range(2)], axis=-1)
+        for values in (cells, about.facing)
+    )
+    best = np.lexsort((about.linearity, group))[np.cumsum(count) - 1]
+    return points, about.normals[best], about.linearity[best], faces
 
 
 def _lengths(points: Array, side_m: float) -> Array:

@@ -72,7 +72,7 @@ def test_maps_are_laid_onto_another_together_as_each_by_itself(pair, T_A_B, nudg
     walls, cutoffs_m = [source.sample(200), source.sample(400), source.walls], np.array([0.1, 0.2, 0.3])
     A, b = sum_equations_onto(T, walls, target.view(None), cutoffs_m)
     squares, weights = sum_gaps_onto(T, walls, target.view(None), cutoffs_m)
-    nothing = Walls(np.zeros((8, 0)))
+    nothing = Walls(np.zeros((0, 8)))
     for k, cutoff_m in enumerate(cutoffs_m):
         alone = sum_equations(
             T[k : k + 1],
