@@ -12,14 +12,20 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from merger.compositing import CompositingConfig, composite_maps
 from merger.grid_map import GridMap
 from merger.robust.cycles import CycleConfig, Relations, Support, find_support
-from merger.robust.hypotheses import HypothesesConfig, Hypothesis, is_same_motion, judge_motions
-from merger.robust.map_group import Formation, Group, PairHypotheses, join_formations, voices_between
+from merger.robust.hypotheses import HypothesesConfig, Hypothesis, distinct_motions, judge_motions, select_motions
+from merger.robust.map_group import (
+    Formation,
+    Group,
+    PairHypotheses,
+    describe_group,
+    join_formations,
+    voices_between,
+)
 from merger.robust.pair_probability import StepProbabilityConfig, log_odds_of_step
-from merger.robust.wall_alignment import AlignmentConfig, align_walls
-from merger.robust.wall_structure import WallStructure, WallStructureConfig, extract_structure
+from merger.robust.wall_alignment import AlignmentConfig, align_all
+from merger.robust.wall_structure import WallStructure, WallStructureConfig
 
 Array = npt.NDArray[np.float64]
 
@@ -122,17 +128,19 @@ def grow_groups(
         The groups and how they came about.
     """
     relations = Relations(structures, hypotheses, config.pairs)
-    groups: dict[Key, Group] = {(i,): Group((i,), np.eye(3)[None], item) for i, item in enumerate(structures)}
+    parts = enumerate(zip(structures, maps, strict=True))
+    groups: dict[Key, Group] = {(i,): Group((i,), np.eye(3)[None], *part) for i, part in parts}
     best: Judged = {((i,), (j,)): items for (i, j), items in hypotheses.items() if items}
     joins: list[Join] = []
     while (step := _next_step(groups, best, relations, config)) is not None:
         a, b, motion, support = step
         sure = log_odds_of_step(motion.log_odds, support is Support.CYCLE, config.step)
         joins.append(Join(a, b, motion.log_odds, sure))
-        formation = join_formations(groups.pop(a), groups.pop(b), motion.T_target_source)
+        first, second = groups.pop(a), groups.pop(b)
+        formation = join_formations(first, second, motion.T_target_source)
         if not groups:
             return Agreement((formation,), tuple(joins), ())
-        joined = _describe(formation, maps, config.structure)
+        joined = describe_group(formation, min(first, second, key=lambda group: group.members), maps, config.structure)
         best = {key: value for key, value in best.items() if not {a, b} & set(key)}
         for one, other, found in _motions_from(joined, groups, hypotheses, config):
             best[(one.members, other.members)] = found
@@ -166,16 +174,6 @@ def _surest(motions: Sequence[Hypothesis]) -> Hypothesis:
     return max(motions, key=lambda motion: motion.log_odds)
 
 
-def _describe(formation: Formation, maps: Sequence[GridMap], config: WallStructureConfig) -> Group:
-    """Give a formation the structure of all its maps together."""
-    own = [maps[number] for number in formation.members]
-    finest = min(grid.resolution_m for grid in own)
-    cell_m = max(finest, config.spacing_m)
-    merged = composite_maps(own, formation.T_group_map, own[0].T_map_grid, cell_m, CompositingConfig())
-    structure = extract_structure(replace(merged, name=own[0].name), config)
-    return Group(formation.members, formation.T_group_map, structure)
-
-
 def _motions_from(
     joined: Group, groups: dict[Key, Group], hypotheses: PairHypotheses, config: ConsensusConfig
 ) -> Iterator[tuple[Group, Group, tuple[Hypothesis, ...]]]:
@@ -191,16 +189,9 @@ def _try_motions(a: Group, b: Group, hypotheses: PairHypotheses, config: Consens
     voices = voices_between(a, b, hypotheses, config.plausible_log_odds)
     if not config.judge_groups:
         return tuple(replace(voice.hypothesis, T_target_source=voice.T_a_b) for voice in voices)
-    proposed = [(voice.hypothesis.score_m, voice.T_a_b) for voice in voices]
-    proposed.sort(key=lambda item: -item[0])
-    center_b = b.structure.center_map
-    kept: list[Array] = []
-    for _, T in proposed:
-        if len(kept) < config.num_tried and not any(is_same_motion(T, o, center_b, config.pairs) for o in kept):
-            kept.append(T)
-    refined = [align_walls(a.structure, b.structure, T, config.alignment) for T in kept]
-    distinct: list[Array] = []
-    for T in refined:
-        if not any(is_same_motion(T, other, center_b, config.pairs) for other in distinct):
-            distinct.append(T)
+    voices.sort(key=lambda voice: -voice.hypothesis.score_m)
+    proposed = distinct_motions([voice.T_a_b for voice in voices], b.structure, config.num_tried, config.pairs)
+    tried = select_motions(a.structure, b.structure, proposed, config.num_tried, config.pairs)
+    refined = align_all(a.structure, b.structure, tried, config.alignment)
+    distinct = distinct_motions(refined, b.structure, config.num_tried, config.pairs)
     return judge_motions(a.structure, b.structure, distinct, config.pairs)

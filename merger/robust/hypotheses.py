@@ -27,18 +27,22 @@ class HypothesesConfig:
 
     dense: DenseSearchConfig = field(default_factory=DenseSearchConfig)
     """The dense search."""
-    quick: AlignmentConfig = field(default_factory=lambda: AlignmentConfig((0.8, 0.6, 0.5, 0.4, 0.3), num_points=250))
-    """The refinement of every peak."""
-    fine: AlignmentConfig = field(
-        default_factory=lambda: AlignmentConfig((0.5, 0.4, 0.3, 0.3, 0.2, 0.2, 0.2), num_points=1200)
-    )
+    glance: AlignmentConfig = field(default_factory=lambda: AlignmentConfig((0.8, 0.6), num_points=250))
+    """The first steps of every peak."""
+    quick: AlignmentConfig = field(default_factory=lambda: AlignmentConfig((0.5, 0.4, 0.3), num_points=250))
+    """The next steps of those that look best after them."""
+    fine: AlignmentConfig = field(default_factory=lambda: AlignmentConfig((0.4, 0.3, 0.2, 0.2, 0.2), num_points=1200))
     """The refinement of those that are kept."""
     verification: VerificationConfig = field(default_factory=VerificationConfig)
     """How maps are compared."""
     probability: ProbabilityConfig = field(default_factory=ProbabilityConfig)
     """What the comparison means."""
+    num_promising: int = 10
+    """Motions of a pair that take the quick steps, at least 1. After a glance the right one was among the best two."""
     num_kept: int = 5
     """Motions of a pair that stay in play, at least 1."""
+    min_share: float = 0.2
+    """But for the best two, motions whose score is below this share of the best one's are dropped, in [0, 1]."""
     num_quick_points: int = 500
     """Wall points that are compared before that, at least 10."""
     same_m: float = 0.7
@@ -48,8 +52,10 @@ class HypothesesConfig:
 
     def __post_init__(self) -> None:
         """Refuse values out of range."""
-        if self.num_kept < 1:
-            raise ValueError(f"num_kept must be >= 1, got {self.num_kept}")
+        if min(self.num_promising, self.num_kept) < 1:
+            raise ValueError("num_promising and num_kept must be >= 1")
+        if not 0.0 <= self.min_share <= 1.0:
+            raise ValueError(f"min_share must be in [0, 1], got {self.min_share}")
         if self.num_quick_points < 10:
             raise ValueError(f"num_quick_points must be >= 10, got {self.num_quick_points}")
         if not (self.same_m > 0.0 and self.same_deg > 0.0):
@@ -89,11 +95,31 @@ def find_hypotheses(
     Returns:
         At most ``num_kept`` different motions, best first.
     """
-    quick = align_all(target, source, peaks, config.quick)
-    scores = _score_quickly(target, source, quick, config)
-    ranked = [quick[index] for index in np.argsort(-scores, kind="stable")]
-    fine = align_all(target, source, _distinct(ranked, source, config), config.fine)
-    return judge_motions(target, source, _distinct(fine, source, config), config)
+    glanced = align_all(target, source, peaks, config.glance)
+    promising = select_motions(target, source, glanced, config.num_promising, config)
+    quick = align_all(target, source, promising, config.quick)
+    kept = select_motions(target, source, quick, config.num_kept, config)
+    fine = align_all(target, source, kept, config.fine)
+    return judge_motions(target, source, distinct_motions(fine, source, config.num_kept, config), config)
+
+
+def select_motions(
+    target: WallStructure, source: WallStructure, motions: Sequence[Array], count: int, config: HypothesesConfig
+) -> list[Array]:
+    """At most ``count`` different motions that fit best at a quick look, best first, without the hopeless ones."""
+    scores = _score_quickly(target, source, motions, config)
+    order = np.argsort(-scores, kind="stable")
+    ranked, scores = [motions[number] for number in order], scores[order]
+    least = config.min_share * scores[0] if len(scores) and scores[0] > 0.0 else -np.inf
+    numbers = _different(ranked, source, count, config)
+    return [ranked[number] for place, number in enumerate(numbers) if place < 2 or scores[number] >= least]
+
+
+def distinct_motions(
+    motions: Sequence[Array], source: WallStructure, count: int, config: HypothesesConfig
+) -> list[Array]:
+    """The first ``count`` motions, best first, that differ from those before them."""
+    return [motions[number] for number in _different(motions, source, count, config)]
 
 
 def judge_motions(
@@ -117,16 +143,21 @@ def is_same_motion(T: Array, T_other: Array, center_map: Array, config: Hypothes
     return bool(apart_m < config.same_m and abs(angle) < np.radians(config.same_deg))
 
 
-def _distinct(motions: Sequence[Array], source: WallStructure, config: HypothesesConfig) -> list[Array]:
-    """The first ``num_kept`` motions, best first, that differ from those before them."""
-    center_map = source.center_map
-    kept: list[Array] = []
-    for T in motions:
-        if not any(is_same_motion(T, other, center_map, config) for other in kept):
-            kept.append(T)
-        if len(kept) == config.num_kept:
-            break
-    return kept
+def _different(motions: Sequence[Array], source: WallStructure, count: int, config: HypothesesConfig) -> list[int]:
+    """Numbers of the first ``count`` motions that differ from those before them (see `is_same_motion`)."""
+    if len(motions) < 2:
+        return list(range(len(motions)))
+    T = np.stack(motions)
+    x, y = (T[:, :2, :2] @ source.center_map + T[:, :2, 2]).T
+    angle = se2.angle_of(T)
+    near = np.hypot(np.subtract.outer(x, x), np.subtract.outer(y, y)) < config.same_m
+    same = near & (np.abs(se2.wrap_angle(np.subtract.outer(angle, angle))) < np.radians(config.same_deg))
+    left = np.ones(len(T), dtype=np.bool_)
+    numbers: list[int] = []
+    while len(numbers) < count and left.any():
+        numbers.append(int(left.argmax()))
+        left &= ~same[numbers[-1]]
+    return numbers
 
 
 def _score_quickly(

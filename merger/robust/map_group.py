@@ -1,14 +1,17 @@
 """Groups of maps that lie fixed to each other, and what the motions of their maps say about two groups."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 import numpy.typing as npt
 
 from merger import se2
+from merger.compositing import CompositingConfig, composite_maps
+from merger.grid_map import GridMap
 from merger.robust.hypotheses import Hypothesis
-from merger.robust.wall_structure import WallStructure
+from merger.robust.wall_structure import WallStructure, WallStructureConfig, extract_structure
 
 Array = npt.NDArray[np.float64]
 
@@ -36,6 +39,8 @@ class Group(Formation):
 
     structure: WallStructure
     """Walls and free space of all members together, frame ``map`` of the first."""
+    grid: GridMap | None = None
+    """The cells of all members together, in the same frame; None if the group never grows."""
 
 
 @dataclass(frozen=True)
@@ -69,3 +74,21 @@ def join_formations(a: Formation, b: Formation, T_a_b: Array) -> Formation:
     T_a_map = np.concatenate([a.T_group_map, T_a_b @ b.T_group_map])
     order = np.argsort(members)
     return Formation(tuple(int(n) for n in members[order]), se2.invert(T_a_map[order[0]]) @ T_a_map[order])
+
+
+def describe_group(formation: Formation, base: Group, maps: Sequence[GridMap], config: WallStructureConfig) -> Group:
+    """Give a formation the cells and the structure of all its maps together.
+
+    Args:
+        formation: The maps.
+        base: Those of them that lay fixed to each other before, the first one included: their cells stay in place.
+        maps: All maps, by number.
+        config: How walls are described.
+    """
+    own, T = [maps[number] for number in formation.members], formation.T_group_map
+    cell_m, name = max(min(grid.resolution_m for grid in own), config.spacing_m), own[0].name
+    if base.grid is not None and base.grid.resolution_m == cell_m:  # only the others have to be added
+        others = [k for k, number in enumerate(formation.members) if number not in base.members]
+        own, T = [base.grid, *(own[k] for k in others)], np.concatenate([np.eye(3)[None], T[others]])
+    grid = replace(composite_maps(own, T, own[0].T_map_grid, cell_m, CompositingConfig()), name=name)
+    return Group(formation.members, formation.T_group_map, extract_structure(grid, config), grid)

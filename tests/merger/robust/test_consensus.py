@@ -11,7 +11,7 @@ from merger.result import PairStatus
 from merger.robust.consensus import ConsensusConfig, grow_groups
 from merger.robust.cycles import CycleConfig, Relations, Support, find_support
 from merger.robust.hypotheses import HypothesesConfig, Hypothesis
-from merger.robust.map_group import Formation, Group, join_formations
+from merger.robust.map_group import Formation, Group, describe_group, join_formations
 from merger.robust.pair_answer import Findings, judge_pairs
 from merger.robust.pair_probability import StepProbabilityConfig, log_odds_of_step
 from merger.robust.stages import describe_maps, refine_groups, search_all_pairs
@@ -148,6 +148,26 @@ def test_an_echo_lets_a_motion_join_that_is_a_little_weaker(found):
     agreement = grow(found, found[2], min_log_odds=surest + 0.9, cycle_log_odds=1.0, echo_log_odds=1.0)
     assert len(agreement.joins[0].members + agreement.joins[0].others) == 2
     assert agreement.joins[0].motion_log_odds == surest
+
+
+def test_a_group_that_grows_map_by_map_is_the_same_as_one_described_at_once(cut_map):
+    T_world_map = [se2.make_motion(0.3 * k, k, 0.4 * k) for k in range(3)]
+    maps = [cut_map(f"m{k}", span, T) for k, (span, T) in enumerate(zip(SPANS, T_world_map, strict=True))]
+    config = WallStructureConfig()
+    single = [Group((k,), HERE[None], extract_structure(grid, config), grid) for k, grid in enumerate(maps)]
+    two = describe_group(
+        join_formations(*single[:2], se2.invert(T_world_map[0]) @ T_world_map[1]), single[0], maps, config
+    )
+    three = join_formations(single[2], two, se2.invert(T_world_map[2]) @ T_world_map[0])
+    grown = describe_group(three, two, maps, config)
+    at_once = describe_group(three, replace(two, grid=None), maps, config)
+    assert grown.members == (0, 1, 2)
+    cells = []
+    for group in (grown, at_once):
+        known = group.grid.log_odds != 0.0
+        cells.append(np.column_stack([group.grid.cell_centers(known), group.grid.log_odds[known]]))
+    assert cells[0] == pytest.approx(cells[1])
+    assert grown.structure.length_m == pytest.approx(at_once.structure.length_m)
 
 
 def test_the_groups_that_are_judged_are_told(found):

@@ -11,6 +11,7 @@ from merger.robust.averaging import RobustAveragingConfig, average_robustly, sol
 from merger.robust.consensus import ConsensusConfig
 from merger.robust.cycles import CycleConfig
 from merger.robust.dense_search import CoarseMap, DenseSearchConfig, coarsen, search_motions
+from merger.robust.hypotheses import HypothesesConfig, select_motions
 from merger.robust.joint_refinement import JointRefinementConfig, refine_jointly
 from merger.robust.pair_probability import ProbabilityConfig, log_odds_of, probability
 from merger.robust.peak_kernel import find_peaks
@@ -122,6 +123,35 @@ def test_peaks_agree_with_a_slow_oracle():
     rows, cols = np.nonzero(image >= np.max(shifted, axis=0))
     slow = sorted(((float(image[r, c]), int(r), int(c)) for r, c in zip(rows, cols, strict=True)), reverse=True)[:7]
     assert [tuple(peak) for peak in np.stack(find_peaks(image, 7), axis=-1)] == slow
+    assert [tuple(peak) for peak in np.stack(find_peaks(image, 7, slow[3][0]), axis=-1)] == slow[:4]
+    assert len(find_peaks(image, 7, slow[0][0] + 1.0)[0]) == 0
+
+
+def test_dense_search_drops_the_hopeless_peaks_only(pair):
+    def search(min_share: float) -> list[float]:
+        config = DenseSearchConfig(min_share=min_share)
+        coarse = [coarsen(item, config) for item in pair]
+        return [peak.score for peak in search_motions([coarse[0]], coarse[1], config)[0]]
+
+    everything = search(0.0)
+    between = 0.5 * (everything[2] + everything[3]) / everything[0]
+    assert search(between) == everything[:3]
+
+
+def test_of_many_motions_the_best_two_and_the_hopeful_ones_are_selected(pair, T_A_B, nudge):
+    def select(count: int, min_share: float) -> list[int]:
+        config = HypothesesConfig(min_share=min_share, probability=ProbabilityConfig(conflict_weight=0.0))
+        selected = select_motions(*pair, starts, count, config)
+        return [next(k for k, T in enumerate(starts) if T is one) for one in selected]
+
+    shifts = ((3.0, 2.0), (0.8, 0.0), (0.01, 0.0), (0.0, 0.0), (-2.0, 5.0))
+    starts = [nudge(T_A_B, pair[1].center_map, (*shift, 0.0)) for shift in shifts]
+    everything = select(10, 0.0)
+    assert everything[0] in {2, 3}  # which are the same motion
+    assert len(everything) == 4
+    assert select(2, 0.0) == everything[:2]
+    assert select(10, 1.0) == everything[:2]
+    assert select_motions(*pair, [], 10, HypothesesConfig()) == []
 
 
 def ring(rng: np.random.Generator, num_maps: int = 12) -> tuple[MotionGraph, np.ndarray, np.ndarray]:
@@ -213,6 +243,9 @@ def test_a_motion_is_more_probable_with_more_agreement_less_conflict_and_no_riva
         lambda: DenseSearchConfig(cell_m=0.0),
         lambda: DenseSearchConfig(step_deg=100.0),
         lambda: DenseSearchConfig(min_parallel=1.5),
+        lambda: DenseSearchConfig(min_share=-0.1),
+        lambda: HypothesesConfig(min_share=1.1),
+        lambda: HypothesesConfig(num_promising=0),
         lambda: AlignmentConfig(cutoffs_m=(0.1, 0.2)),
         lambda: WallStructureConfig(spacing_m=-1.0),
         lambda: VerificationConfig(far_m=0.01),
