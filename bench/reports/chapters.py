@@ -12,8 +12,8 @@ from bench.reports.exhibit import Exhibit, first_of_each, load_exhibit
 from bench.reports.fidelity_comparison import compare_fidelity
 from bench.reports.picture_chapters import error_chapter, gallery_chapter, picture_chapters
 from bench.reports.report import Section
-from bench.reports.summary import best_cells, summary_table, tell_overview, write_swept
-from bench.reports.tables import Results
+from bench.reports.summary import best_cells, summary_table, tell_overview
+from bench.reports.tables import Results, write_swept
 from bench.scoring import order_metrics
 from bench.scoring.scores import PairScore
 from bench.settings import BenchSettings
@@ -66,7 +66,8 @@ def make_chapters(
     if not failures.empty:
         chapters.append(Section("Runs without an answer", "What ended them.", table=failures))
     chapters.append(gallery_chapter(cells, folder))
-    chapters[0] = replace(chapters[0], text=tell_overview(results, time.perf_counter() - start))
+    explanation = robust_tables.EXPLANATION if settings.table == "robust" else ""
+    chapters[0] = replace(chapters[0], text=tell_overview(results, time.perf_counter() - start) + explanation)
     return [c for c in chapters if c.table is not None or c.pictures]
 
 

@@ -18,6 +18,7 @@ from bench.reports.svg import Entry
 from bench.scoring import pair_metrics
 from bench.scoring.prediction import PredictedPair
 from merger import se2
+from merger.grid_map import GridMap
 
 _PAIR_WORDS = {
     "tree": "in the tree",
@@ -74,7 +75,7 @@ def draw_coarse_fine(exhibit: Exhibit, folder: Path) -> Picture:
     )
     title = f"{exhibit.label}, {exhibit.method}: merged map, coarse and fine (as the paper's Fig. 8)"
     known = [panel for panel in panels if np.isfinite(panel[1]).any()]
-    return _draw_panels(exhibit, known, folder, Label(_name("fig8", exhibit), title, alt))
+    return _draw_panels(exhibit.dataset.maps, known, folder, Label(_name("fig8", exhibit), title, alt))
 
 
 def draw_rivals(exhibits: Sequence[Exhibit], folder: Path) -> Picture:
@@ -84,7 +85,7 @@ def draw_rivals(exhibits: Sequence[Exhibit], folder: Path) -> Picture:
     verdicts = "; ".join(_verdict(e) for e in exhibits)
     title = f"{first.label}: the methods side by side (as the paper's Fig. 9)"
     alt = f"Merged maps of {first.label} by each method beside the truth. {verdicts}."
-    return _draw_panels(first, panels, folder, Label(_name("fig9", first, method=False), title, alt))
+    return _draw_panels(first.dataset.maps, panels, folder, Label(_name("fig9", first, method=False), title, alt))
 
 
 def draw_failure(exhibit: Exhibit, folder: Path) -> Picture:
@@ -97,7 +98,7 @@ def draw_failure(exhibit: Exhibit, folder: Path) -> Picture:
     seed = exhibit.scored.cell.seed
     title = f"{exhibit.label}, {exhibit.method}, seed {seed}: {len(names)} wrong of {len(truth)}"
     alt = f"What {exhibit.method} made of {exhibit.label}; wrong are {', '.join(names)}. The right maps, and the truth."
-    return _draw_panels(exhibit, panels, folder, Label(_name(f"failure-{seed}", exhibit), title, alt))
+    return _draw_panels(exhibit.dataset.maps, panels, folder, Label(_name(f"failure-{seed}", exhibit), title, alt))
 
 
 def draw_unreliable_pair(exhibit: Exhibit, folder: Path) -> Picture | None:
@@ -113,38 +114,29 @@ def draw_unreliable_pair(exhibit: Exhibit, folder: Path) -> Picture | None:
 def draw_pair(exhibit: Exhibit, pair: PredictedPair, folder: Path, stem: str, what: str) -> Picture:
     """Two maps laid together by a pair's initial and refined motion, beside the truth, in the target's true frame."""
     truth = exhibit.dataset.truth.T_world_map
-    members, T_world_target = [pair.target, pair.source], truth[pair.target]
-    panels = []
-    for label, T in (("initial", pair.T_target_source_initial), ("refined", pair.T_target_source)):
-        if T is not None:
-            poses = np.full_like(truth, np.nan)
-            poses[pair.target], poses[pair.source] = T_world_target, T_world_target @ T
-            panels.append((label, poses))
-    only = np.full_like(truth, np.nan)
-    only[members] = truth[members]
-    panels.append(("truth", only))
+    motions = {"initial": pair.T_target_source_initial, "refined": pair.T_target_source}
+    T_world_target = truth[pair.target]
+    panels = [(text, np.stack([T_world_target, T_world_target @ T])) for text, T in motions.items() if T is not None]
+    panels.append(("truth", truth[[pair.target, pair.source]]))
     error_m, error_deg = pair_metrics.pair_errors(pair, truth)
     names = exhibit.prediction.names
     title = f"{exhibit.label}, {exhibit.method}: {what}, {names[pair.target]} and {names[pair.source]}"
     off = f"off by {error_m:.2f} m and {error_deg:.1f} degrees"
     alt = f"Two maps laid together by the motion that was found, {off}, and by the true one."
-    return _draw_panels(exhibit, panels, folder, Label(_name(stem, exhibit), title, alt))
+    maps = [exhibit.dataset.maps[pair.target], exhibit.dataset.maps[pair.source]]
+    return _draw_panels(maps, panels, folder, Label(_name(stem, exhibit), title, alt))
 
 
 def _draw_panels(
-    exhibit: Exhibit,
-    panels: Sequence[tuple[str, npt.NDArray[np.float64]]],
-    folder: Path,
-    label: Label,
+    maps: Sequence[GridMap], panels: Sequence[tuple[str, npt.NDArray[np.float64]]], folder: Path, label: Label
 ) -> Picture:
-    maps = exhibit.dataset.maps
-    shown = np.flatnonzero(np.isfinite(panels[-1][1]).all(axis=(1, 2)))
-    poses = panels[-1][1][shown]
-    if len(shown) == 2:  # a pair is shown whole, wherever it was laid
-        poses = np.concatenate([T[shown] for _, T in panels if np.isfinite(T[shown]).all()])
-    raster = frame_of([maps[k] for k in shown] * (len(poses) // len(shown)), poses)
-    images = [draw_image(text, draw_merge(maps, poses, raster), raster.cell_m) for text, poses in panels]
-    legend = [Entry(maps[k].name, to_hex(map_colours(len(maps))[k])) for k in shown]
+    """Maps at each panel's poses, in the frame of the last, the truth; two maps are shown whole, wherever they lie."""
+    poses = np.concatenate([T for _, T in panels]) if len(maps) == 2 else panels[-1][1]
+    known = [int(k) for k in np.flatnonzero(np.isfinite(poses).all(axis=(1, 2)))]
+    raster = frame_of([maps[k % len(maps)] for k in known], poses[known])
+    images = [draw_image(text, draw_merge(maps, T, raster), raster.cell_m) for text, T in panels]
+    colours = map_colours(len(maps))
+    legend = [Entry(grid.name, to_hex(colour)) for grid, colour in zip(maps, colours, strict=True)]
     rows = [
         {"panel": text, "map": m.name, **dict(zip(("x_m", "y_m", "theta_rad"), se2.parameters_of(T), strict=True))}
         for text, poses in panels

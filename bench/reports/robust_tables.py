@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from bench.reports.tables import Results
+from bench.reports.tables import Results, write_swept
 from bench.scoring.statistics import wilson_share
 
 CONNECTED_FROM = 0.2
@@ -20,6 +20,12 @@ APART_BELOW = 0.01
 """Pairs of less true overlap have nothing in common: a motion for them is false."""
 REFERENCE = "paper"
 """The method whose time is the unit."""
+
+EXPLANATION = (
+    " In this table errors are those of the maps that are not wrong. Can be: maps that have 0.2 or more in common with "
+    "another; right: those of them that are placed and not wrong. At most, at least: the ends of the 95 % intervals."
+)
+"""What the columns of the table mean."""
 
 _SPLIT_BY = "submaps.overlap"
 _RUN = ("dataset", "seed", "order")
@@ -36,7 +42,7 @@ def make_robust_table(results: Results) -> tuple[pd.DataFrame, list[str]]:
         row = dict(zip(by, keys, strict=True)) | {"runs": len(group)}
         of_group = maps if maps.empty else maps[(maps[by] == pd.Series(dict(zip(by, keys, strict=True)))).all(axis=1)]
         rows.append(row | placement_columns(of_group))
-    table = pd.DataFrame(rows)
+    table = write_swept(pd.DataFrame(rows), results.swept)
     sentences = [pair_sentence(m, results.pairs) for m in dict.fromkeys(results.scores["method"])]
     return table, [*filter(None, sentences), *time_sentences(results.scores, runs)]
 

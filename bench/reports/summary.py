@@ -1,11 +1,10 @@
 """The table of methods: a row a group of runs, the best of each group marked, and what it says in a sentence."""
 
-import math
 from collections.abc import Sequence
 
 import pandas as pd
 
-from bench.reports.tables import Results, format_value, summarize
+from bench.reports.tables import Results, format_value, summarize, write_swept
 
 _SHORT = {
     "runs": "runs",
@@ -37,16 +36,6 @@ def summary_table(results: Results, by: Sequence[str]) -> pd.DataFrame:
     return write_swept(table, results.swept)
 
 
-def write_swept(table: pd.DataFrame, swept: Sequence[str]) -> pd.DataFrame:
-    """A table in which swept values read as one would type them: 0.1, where a score is 0.100."""
-    typed = {
-        key: [f"{v:g}" if isinstance(v, float) and math.isfinite(v) else format_value(v) for v in table[key]]
-        for key in swept
-        if key in table
-    }
-    return table.assign(**typed)
-
-
 def best_cells(table: pd.DataFrame) -> tuple[tuple[int, str], ...]:
     """Cells with the best value among the methods of one dataset, where there is something to choose."""
     if "method" not in table or table["method"].nunique() < 2:
@@ -57,8 +46,9 @@ def best_cells(table: pd.DataFrame) -> tuple[tuple[int, str], ...]:
     for group in groups:
         for name in (*_BEST_HIGH, *_BEST_LOW):
             values = pd.to_numeric(group[name], errors="coerce") if name in group else pd.Series(dtype=float)
-            if name in _ERRORS and "placed" in group:  # who places fewer maps is not more exact
-                values = values[group["placed"] == group["placed"].max()]
+            if name in _ERRORS and "placed" in group:  # who places fewer maps right is not more exact
+                right = group["placed"] - group["wrong"]
+                values = values[right == right.max()]
             if values.nunique() > 1:
                 best = values.max() if name in _BEST_HIGH else values.min()
                 marks += [(int(index), name) for index in values.index[values == best]]

@@ -11,7 +11,7 @@ FONT = 'font-family="DejaVu Sans, sans-serif"'
 """Of every text that is written by hand."""
 
 _FILE_INK = "#222222"
-_LARGEST = 1.5
+_LARGEST = 1.3
 """Pixels of a page for a pixel of a drawing at most, so that letters have one size, few panels or many."""
 _GAP_PX, _ROW_PX, _MARK_PX, _LETTER_PX = 12.0, 18.0, 12.0, 6.6
 

@@ -68,6 +68,16 @@ def summarize(results: Results, by: Sequence[str]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def write_swept(table: pd.DataFrame, swept: Sequence[str]) -> pd.DataFrame:
+    """A table in which swept values read as one would type them: 0.1, where a score is 0.100."""
+    typed = {
+        key: [f"{v:g}" if isinstance(v, float) and math.isfinite(v) else format_value(v) for v in table[key]]
+        for key in swept
+        if key in table
+    }
+    return table.assign(**typed)
+
+
 def format_table(table: pd.DataFrame) -> str:
     """A table for a terminal: aligned columns, short numbers, a dash for what is not known."""
     cells = [list(table.columns), *([format_value(v) for v in row] for row in table.itertuples(index=False))]
