@@ -2,7 +2,7 @@
 
 import math
 import statistics
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from bench.gates.rows import CellName, GateRow, cell_label
@@ -121,7 +121,8 @@ def _compare_cell(
     comparable = [(old, new) for old, new in both_ok if not old.scores.get("num_wrong") and not _differ(old, new)]
     for tolerance in tolerances:
         judged = comparable if tolerance.fine else both_ok
-        findings += _judge_seeds(judged, tolerance) if tolerance.each_seed else _judge_median(judged, tolerance)
+        each = [_judge_seed(old, new, tolerance) for old, new in judged] if tolerance.each_seed else []
+        findings += [finding for finding in each if finding] or _judge_all(judged, tolerance)
     dead = all(row.status != _OK for row in rows)
     return CellComparison(cell, len(present), tuple(findings), rows[0].reason or rows[0].status if dead else None)
 
@@ -138,11 +139,6 @@ def _lost(old: GateRow, new: GateRow | None) -> Finding:
     return Finding(old.cell, f"seed {old.seed}", "status", old.status, now, "0")
 
 
-def _judge_seeds(pairs: Sequence[tuple[GateRow, GateRow]], tolerance: Tolerance) -> list[Finding]:
-    findings = [f for old, new in pairs if (f := _judge_seed(old, new, tolerance))]
-    return findings or [*_judge_mean(pairs, tolerance)]
-
-
 def _judge_seed(old: GateRow, new: GateRow, tolerance: Tolerance) -> Finding | None:
     name = tolerance.score
     if name not in old.scores:
@@ -157,26 +153,21 @@ def _judge_seed(old: GateRow, new: GateRow, tolerance: Tolerance) -> Finding | N
     return _finding((old.cell, f"seed {old.seed}"), tolerance, before, after, allowed)
 
 
-def _judge_mean(pairs: Sequence[tuple[GateRow, GateRow]], tolerance: Tolerance) -> Iterator[Finding]:
+def _judge_all(pairs: Sequence[tuple[GateRow, GateRow]], tolerance: Tolerance) -> list[Finding]:
+    """The mean over two seeds or more, or of a score that is not judged by seeds the median over any."""
     known = _known(pairs, tolerance.score)
-    if len(known) < 2:
-        return
-    before, after = (statistics.fmean(values) for values in zip(*known, strict=True))
-    allowed = statistics.fmean(tolerance.allowed(old) for old, _ in known) / math.sqrt(len(known))
-    if tolerance.worsening(before, after) > allowed + _ROUNDING:
-        yield _finding((pairs[0][0].cell, f"mean of {len(known)} seeds"), tolerance, before, after, allowed)
-
-
-def _judge_median(pairs: Sequence[tuple[GateRow, GateRow]], tolerance: Tolerance) -> list[Finding]:
-    known = _known(pairs, tolerance.score)
-    if not known:
+    if len(known) < 1 + tolerance.each_seed:
         return []
-    before, after = (statistics.median(values) for values in zip(*known, strict=True))
+    middle = statistics.fmean if tolerance.each_seed else statistics.median
+    before, after = (middle(values) for values in zip(*known, strict=True))
     allowed = tolerance.allowed(before)
+    if tolerance.each_seed:
+        allowed = statistics.fmean(tolerance.allowed(old) for old, _ in known) / math.sqrt(len(known))
     if tolerance.worsening(before, after) <= allowed + _ROUNDING:
         return []
-    seeds = f"median of {len(known)} seeds" if len(known) > 1 else f"seed {pairs[0][0].seed}"
-    return [_finding((pairs[0][0].cell, seeds), tolerance, before, after, allowed)]
+    seeds = f"{'mean' if tolerance.each_seed else 'median'} of {len(known)} seeds"
+    where = (pairs[0][0].cell, seeds if len(known) > 1 else f"seed {pairs[0][0].seed}")
+    return [_finding(where, tolerance, before, after, allowed)]
 
 
 def _known(pairs: Sequence[tuple[GateRow, GateRow]], score: str) -> list[tuple[float, float]]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from bench.reports import curves, fidelity, paper_tables, robust_tables
+from bench.reports import curves, fidelity, paper_claims, paper_tables, robust_tables
 from bench.reports.exhibit import Exhibit, first_of_each, load_exhibit
 from bench.reports.fidelity_comparison import compare_fidelity
 from bench.reports.picture_chapters import error_chapter, gallery_chapter, picture_chapters
@@ -49,7 +49,7 @@ def make_chapters(
     """All chapters, in order; pictures are written into a folder as they are drawn."""
     start = time.perf_counter()
     table, sentences = main_table(settings, results, cells)
-    points = tuple(paper_tables.first_words(sentences))
+    points = tuple(paper_claims.first_words(sentences))
     chapters = [Section("Results", table=table, best=best_cells(table), points=points)]
     if settings.table in ("table1", "table2", "ablation", "fidelity", "robust"):
         summary = summary_table(results, ["dataset", "method"])
