@@ -45,6 +45,8 @@ OTHER_MARKS = (("v", "▼"), ("<", "◀"), (">", "▶"), ("o", "●"), ("s", "�
 """Their shapes: one more, so that a colour that comes again has another shape."""
 PAIR_COLOURS = {"tree": "#bf3650", "reliable": "#f2b134", "rejected": "#9aa3b0", "no_match": "none"}
 """Colours of relative motions: in the tree, confirmed, rejected, none."""
+MOST_MAP_COLOURS = 250
+"""Colours of maps; with more maps they come again."""
 CURVE_SIZE_IN = (4.8, 3.6)
 """Width and height of a panel with curves."""
 
@@ -88,11 +90,11 @@ def method_legend(methods: Iterable[object]) -> list[Entry]:
 
 
 def map_colours(count: int) -> npt.NDArray[np.float64]:
-    """(count, 3) distinct colours for maps, legible on white and on black."""
+    """(count, 3) colours for maps, the first `MOST_MAP_COLOURS` distinct, legible on white and on black."""
     if count <= 10:
         base = colormaps["tab10"](np.arange(count) % 10)[:, :3]
     else:
-        hues = (np.arange(count) * 0.61803398875) % 1.0
+        hues = (np.arange(count) % MOST_MAP_COLOURS * 0.61803398875) % 1.0
         base = colormaps["hsv"](hues)[:, :3] * 0.85
     return np.asarray(0.12 + 0.8 * base, dtype=np.float64)
 

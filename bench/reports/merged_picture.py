@@ -7,17 +7,19 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from bench.reports.drawing import map_colours
+from bench.reports.drawing import MOST_MAP_COLOURS, map_colours
+from bench.reports.png import PaletteImage
 from bench.scoring.map_raster import Raster, Sheet, bounds_m, count_votes, make_sheet
 from merger import se2
 from merger.grid_map import GridMap
 
 Array = npt.NDArray[np.float64]
 _BRUSH = np.ones((2, 2), dtype=np.uint8)
-_UNKNOWN, _FREE = (0.0, 0.0, 0.0, 0.0), (0.5, 0.5, 0.5, 0.16)
+_GROUND = ((0.0, 0.0, 0.0, 0.0), (0.5, 0.5, 0.5, 0.16))
+"""Colours of what is unknown, and of what is free."""
 
 
-def draw_merge(maps: Sequence[GridMap], T_world_map: Array, raster: Raster) -> npt.NDArray[np.uint8]:
+def draw_merge(maps: Sequence[GridMap], T_world_map: Array, raster: Raster) -> PaletteImage:
     """Paint maps at their poses.
 
     Args:
@@ -26,19 +28,18 @@ def draw_merge(maps: Sequence[GridMap], T_world_map: Array, raster: Raster) -> n
         raster: The part of the world that is shown.
 
     Returns:
-        (rows, cols, 4) RGBA, transparent where nothing is known, north up.
+        The picture, transparent where nothing is known, north up.
     """
-    paint = np.zeros((raster.rows, raster.cols), dtype=np.uint16)  # 0 unknown, 1 free, k + 2 a wall of map k
+    paint = np.zeros((raster.rows, raster.cols), dtype=np.uint8)  # 0 unknown, 1 free, then walls by colour
     for k in map(int, np.flatnonzero(np.isfinite(T_world_map).all(axis=(1, 2)))):
         sheet = make_sheet(maps[k])
         window, part = _window_of(sheet, T_world_map[k], raster)
         occupied, free = count_votes([sheet], T_world_map[k : k + 1], part)
         shown = paint[window]
         shown[(free > 0) & (shown == 0)] = 1
-        shown[cv2.dilate((occupied > 0).astype(np.uint8), _BRUSH) > 0] = k + 2
-    walls = [(*colour, 1.0) for colour in map_colours(len(maps))]
-    palette = np.rint(np.array([_UNKNOWN, _FREE, *walls]) * 255.0).astype(np.uint8)
-    return np.asarray(palette[paint[::-1]])
+        shown[cv2.dilate((occupied > 0).astype(np.uint8), _BRUSH) > 0] = len(_GROUND) + k % MOST_MAP_COLOURS
+    walls = [(*colour, 1.0) for colour in map_colours(len(maps))[:MOST_MAP_COLOURS]]
+    return PaletteImage(paint[::-1], np.rint(np.array([*_GROUND, *walls]) * 255.0).astype(np.uint8))
 
 
 def _window_of(sheet: Sheet, T_world_map: Array, raster: Raster) -> tuple[tuple[slice, slice], Raster]:

@@ -7,10 +7,10 @@ import base64
 from collections.abc import Sequence
 from html import escape
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
+from bench.reports.png import PaletteImage, encode_png
 from bench.reports.svg import FONT, INK, Svg
 
 WIDTH_PX = 320.0
@@ -19,20 +19,22 @@ _TITLE_PX, _FOOT_PX, _LETTERS_PX = 24.0, 22.0, 34.0
 _SCALE_M = 5.0
 
 
-def draw_image(title: str, image: npt.NDArray[np.uint8], cell_m: float) -> Svg:
+def draw_image(title: str, image: PaletteImage, cell_m: float) -> Svg:
     """An image below its title, with a bar of 5 m.
 
     Args:
         title: What it shows.
-        image: (rows, cols, 4) RGBA.
+        image: What lies below it.
         cell_m: Side of a pixel, metres.
     """
-    rows, cols = image.shape[:2]
+    rows, cols = image.cells.shape
     height, bar = WIDTH_PX * rows / cols, _SCALE_M / cell_m * WIDTH_PX / cols
     floor = _TITLE_PX + height + 12.0
+    data = base64.b64encode(encode_png(image)).decode("ascii")
+    place = f'x="0" y="{_TITLE_PX:g}" width="{WIDTH_PX:g}" height="{height:g}"'
     body = [
         _write_text(title, (WIDTH_PX / 2.0, 15.0), 13),
-        f'<image x="0" y="{_TITLE_PX:g}" width="{WIDTH_PX:g}" height="{height:g}" href="{_encode(image)}"/>',
+        f'<image {place} href="data:image/png;base64,{data}"/>',
         f'<path d="M1 {floor:g}h{bar:g}" stroke="{INK}" stroke-width="2"/>',
         _write_text(f"{_SCALE_M:g} m", (bar + 7.0, floor + 4.0), 11, "start"),
     ]
@@ -73,11 +75,3 @@ def draw_matrix(
 def _write_text(text: str, at: tuple[float, float], size: float, anchor: str = "middle", ink: str = INK) -> str:
     place = f'x="{at[0]:.2f}" y="{at[1]:.2f}" text-anchor="{anchor}"'
     return f'<text {place} {FONT} font-size="{size:g}" fill="{ink}">{escape(text)}</text>'
-
-
-def _encode(image: npt.NDArray[np.uint8]) -> str:
-    """An RGBA image as the address of a PNG."""
-    done, data = cv2.imencode(".png", image[:, :, [2, 1, 0, 3]])
-    if not done:
-        raise ValueError(f"an image of {image.shape} cannot be encoded")
-    return "data:image/png;base64," + base64.b64encode(data.tobytes()).decode("ascii")

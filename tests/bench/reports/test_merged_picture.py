@@ -1,9 +1,14 @@
 """Maps laid over each other: every pixel shows what lies at its place."""
 
+import cv2
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from bench.reports.merged_picture import draw_merge, frame_of
+from bench.reports.png import MOST_COLOURS, PaletteImage, encode_png
 from merger import se2
 from merger.grid_map import GridMap
 from sim.datasets.dataset import Dataset
@@ -26,13 +31,24 @@ def paint_slowly(maps: list[GridMap], T_world_map: np.ndarray, centres: np.ndarr
     return walls
 
 
+@given(
+    cells=arrays(np.uint8, st.tuples(st.integers(1, 20), st.integers(1, 20))),
+    palette=arrays(np.uint8, (MOST_COLOURS, 4)),
+)
+def test_an_image_comes_back_from_its_png(cells: np.ndarray, palette: np.ndarray) -> None:
+    data = np.frombuffer(encode_png(PaletteImage(cells, palette)), dtype=np.uint8)
+    decoded = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+    assert (decoded == palette[cells][:, :, [2, 1, 0, 3]]).all()
+
+
 @pytest.mark.parametrize("left_out", [None, 1])
 def test_the_last_map_with_a_wall_at_a_place_is_seen_there(dataset: Dataset, left_out: int | None) -> None:
     maps, T = list(dataset.maps), dataset.truth.T_world_map.copy()
     raster = frame_of(maps, T)
     if left_out is not None:
         T[left_out] = np.nan
-    image = draw_merge(maps, T, raster)[::-1]
+    picture = draw_merge(maps, T, raster)
+    image = picture.palette[picture.cells][::-1]
     y, x = np.mgrid[: raster.rows, : raster.cols]
     centres = np.stack([raster.x_min_m + (x + 0.5) * raster.cell_m, raster.y_min_m + (y + 0.5) * raster.cell_m], -1)
     shown = [k for k in range(len(maps)) if k != left_out]
