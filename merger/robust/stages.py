@@ -14,8 +14,9 @@ from merger.motion_graph import MotionGraph
 from merger.preparation import PreparedMap, prepare_map
 from merger.random_streams import make_rng
 from merger.robust.averaging import average_robustly
+from merger.robust.coarse_map import CoarseMap, coarsen
 from merger.robust.consensus import Agreement
-from merger.robust.dense_search import CoarseMap, coarsen, search_motions
+from merger.robust.dense_search import search_motions
 from merger.robust.feature_hypotheses import propose_motion
 from merger.robust.hypotheses import HypothesesConfig, Hypothesis, find_hypotheses, is_same_motion
 from merger.robust.joint_refinement import refine_jointly

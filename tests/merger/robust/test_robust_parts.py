@@ -8,13 +8,14 @@ from merger.grid_map import GridMap
 from merger.motion_graph import MotionGraph
 from merger.robust import averaging
 from merger.robust.averaging import RobustAveragingConfig, average_robustly, solve_blocks
+from merger.robust.coarse_map import CoarseMap, coarsen
 from merger.robust.consensus import ConsensusConfig
 from merger.robust.cycles import CycleConfig
-from merger.robust.dense_search import CoarseMap, DenseSearchConfig, coarsen, search_motions
+from merger.robust.dense_search import DenseSearchConfig, search_motions
 from merger.robust.hypotheses import HypothesesConfig, select_motions
 from merger.robust.joint_refinement import JointRefinementConfig, refine_jointly
 from merger.robust.pair_probability import ProbabilityConfig, log_odds_of, probability
-from merger.robust.peak_kernel import find_peaks
+from merger.robust.peak_kernel import find_peaks, separate_peaks
 from merger.robust.verification import Evidence, VerificationConfig, measure_evidence
 from merger.robust.wall_alignment import AlignmentConfig, align_walls, motion_information
 from merger.robust.wall_structure import WallStructureConfig, extract_structure
@@ -125,6 +126,14 @@ def test_peaks_agree_with_a_slow_oracle():
     assert [tuple(peak) for peak in np.stack(find_peaks(image, 7), axis=-1)] == slow
     assert [tuple(peak) for peak in np.stack(find_peaks(image, 7, slow[3][0]), axis=-1)] == slow[:4]
     assert len(find_peaks(image, 7, slow[0][0] + 1.0)[0]) == 0
+
+
+def test_of_two_peaks_that_are_nearly_the_same_the_better_one_is_chosen():
+    places_m = np.array([[0.0, 0.0], [0.5, 0.0], [0.5, 0.0], [1.4, 0.0], [1.6, 0.0]])
+    angles_rad = np.array([3.1, -3.1, 0.0, 3.1, 3.1])  # the second is turned by 0.08 beyond half a turn
+    assert separate_peaks(places_m, angles_rad, (1.0, 0.2), 9) == [0, 2, 3]
+    assert separate_peaks(places_m, angles_rad, (1.0, 0.05), 9) == [0, 1, 2, 3]
+    assert separate_peaks(places_m, angles_rad, (1.0, 0.2), 2) == [0, 2]
 
 
 def test_dense_search_drops_the_hopeless_peaks_only(pair):
@@ -241,6 +250,8 @@ def test_a_motion_is_more_probable_with_more_agreement_less_conflict_and_no_riva
     "make",
     [
         lambda: DenseSearchConfig(cell_m=0.0),
+        lambda: DenseSearchConfig(free_weight=-1.0),
+        lambda: DenseSearchConfig(separation_m=0.0),
         lambda: DenseSearchConfig(step_deg=100.0),
         lambda: DenseSearchConfig(min_parallel=1.5),
         lambda: DenseSearchConfig(min_share=-0.1),
