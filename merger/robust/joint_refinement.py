@@ -2,9 +2,9 @@
 
 Every pair of maps that overlap adds the point-to-wall residuals of both directions; all motions are solved together,
 so that errors do not add up along chains. A pair counts by how closely its walls can be laid onto each other: maps
-bend, and walls that were seen twice, from poses that had drifted apart, agree less than those of one visit. Source:
-the multi-view registration of [Zhu14], with the residuals of `wall_alignment`, and steps that are stretched as in
-[Barzilai 1988], since thick walls that overlap pull too little.
+bend, and walls that were seen twice, from poses that had drifted apart, agree less than those of one visit. Only the
+faces of walls are compared. Source: the multi-view registration of [Zhu14], with the residuals of `wall_alignment`,
+and steps that are stretched as in [Barzilai 1988], since rough walls that overlap pull too little.
 """
 
 from collections.abc import Sequence
@@ -17,6 +17,7 @@ import numpy.typing as npt
 from merger import se2
 from merger.robust.averaging import solve_blocks
 from merger.robust.joint_equations import JointEquationsConfig, Pairs, sum_pair_equations, weigh_pairs
+from merger.robust.wall_faces import extract_faces
 from merger.robust.wall_structure import WallStructure
 
 Array = npt.NDArray[np.float64]
@@ -82,6 +83,7 @@ def refine_jointly(
     Returns:
         Refined motions and their covariance.
     """
+    structures = [extract_faces(item) for item in structures]
     T_map_field = np.stack([item.T_map_field for item in structures])
     edges = np.array(list(combinations(range(len(structures)), 2)), dtype=np.intp).reshape(-1, 2)
     pairs = Pairs(edges, np.ones(len(edges)))
