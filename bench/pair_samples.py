@@ -20,6 +20,7 @@ from merger.robust.hypotheses import Hypothesis
 from merger.robust.map_group import Group
 from merger.robust.pair_probability import features_of
 from merger.robust.stages import describe_maps, search_all_pairs
+from merger.robust.strain import StrainConfig
 from sim.datasets.dataset import Dataset, read_dataset
 
 Array = npt.NDArray[np.float64]
@@ -43,6 +44,8 @@ class Samples:
     """(S, F) see `merger.robust.pair_probability.features_of`."""
     right: npt.NDArray[np.bool_]
     """(S,) whether the motion is right."""
+    is_best: npt.NDArray[np.bool_]
+    """(S,) whether it is the best of its pair, or of its groups."""
     building: npt.NDArray[np.int64]
     """(S,) number of the building."""
     pair: npt.NDArray[np.int64]
@@ -61,7 +64,7 @@ class Samples:
 class _Rows:
     """Samples as they come."""
 
-    motions: list[tuple[Array, bool, int, int, float]]
+    motions: list[tuple[Array, bool, bool, int, int, float]]
     steps: list[tuple[float, bool, int]]
     num_pairs: int = 0
 
@@ -90,9 +93,9 @@ def collect_samples(datasets: Sequence[Path]) -> tuple[Samples, list[str]]:
             chosen = [*one.maps[:_STRANGERS], *other.maps[:_STRANGERS]]
             maps = [replace(grid, name=f"{k:02d}") for k, grid in enumerate(chosen)]
             _add_strangers(rows, maps, len(one.maps[:_STRANGERS]), names.index(_building(one)))
-    features, right, building, pair, overlaps = zip(*rows.motions, strict=True)
+    features, right, is_best, building, pair, overlap = (np.array(column) for column in zip(*rows.motions, strict=True))
     steps = np.array(rows.steps, dtype=np.float64).reshape(-1, 3)
-    columns = (np.array(features), np.array(right), np.array(building), np.array(pair), np.array(overlaps))
+    columns = (features, right, is_best, building, pair, overlap)
     return Samples(*columns, steps[:, 0], steps[:, 1].astype(np.bool_), steps[:, 2].astype(np.int64)), names
 
 
@@ -147,14 +150,16 @@ def _add_strangers(rows: _Rows, maps: Sequence[GridMap], num_first: int, buildin
 
 
 def _open_consensus() -> ConsensusConfig:
-    return replace(MergeConfig().robust.consensus, min_log_odds=_OPEN_LOG_ODDS, cycle_log_odds=0.0, echo_log_odds=0.0)
+    never = StrainConfig(sure_log_odds=np.inf)
+    consensus = replace(MergeConfig().robust.consensus, min_log_odds=_OPEN_LOG_ODDS, strain=never)
+    return replace(consensus, cycle_log_odds=0.0, echo_log_odds=0.0)
 
 
 def _add_motion(rows: _Rows, motion: Hypothesis, verdict: bool | None, building: int, overlap: float) -> None:
     if verdict is not None:
         features = features_of(motion.evidence, motion.score_m, motion.rival_score_m)
-        pair = -1 if np.isnan(overlap) else rows.num_pairs
-        rows.motions.append((features, verdict, building, pair, overlap))
+        pair, is_best = -1 if np.isnan(overlap) else rows.num_pairs, motion.score_m >= motion.rival_score_m
+        rows.motions.append((features, verdict, is_best, building, pair, overlap))
 
 
 def judge(motion: Hypothesis, T_true: Array, center: Array) -> bool | None:

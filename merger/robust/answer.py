@@ -52,6 +52,8 @@ def place_groups(findings: Findings, config: MergeConfig, scales: Array | None =
 def _why_alone(number: int, findings: Findings) -> str:
     """Why no motion joins a map to a group."""
     names = [item.structure.name for item in findings.described]
+    if any(number in join.members + join.others for join in findings.agreement.taken_back):
+        return "sure motions to other maps contradict the one that joined it"
     own = [(a, b, motion) for a, b, motion in findings.agreement.open_motions if (number,) in (a, b)]
     if not own:
         return "there is no other map" if len(names) == 1 else "it has no walls that could be compared"

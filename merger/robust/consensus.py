@@ -24,6 +24,7 @@ from merger.robust.map_group import (
     voices_between,
 )
 from merger.robust.pair_probability import StepProbabilityConfig, log_odds_of_step
+from merger.robust.strain import StrainConfig, part_strained
 from merger.robust.wall_alignment import AlignmentConfig, align_all
 from merger.robust.wall_structure import WallStructure, WallStructureConfig
 
@@ -57,6 +58,8 @@ class ConsensusConfig:
     """A motion that a cycle confirms may have log-odds lower by this, >= 0."""
     echo_log_odds: float = 1.0
     """The same for one that is confirmed from the same walls only, >= 0."""
+    strain: StrainConfig = field(default_factory=StrainConfig)
+    """When steps are taken back."""
     step: StepProbabilityConfig = field(default_factory=StepProbabilityConfig)
     """How sure a step is."""
     plausible_log_odds: float = -6.0
@@ -106,6 +109,8 @@ class Agreement:
     """Its steps, in order."""
     open_motions: tuple[tuple[tuple[int, ...], tuple[int, ...], Hypothesis], ...]
     """The best motion between any two groups that stayed apart, if there is one."""
+    taken_back: tuple[Join, ...] = ()
+    """Steps that were taken back, because sure motions to maps of other groups contradict each other over them."""
 
 
 def grow_groups(
@@ -146,9 +151,12 @@ def grow_groups(
             best[(one.members, other.members)] = found
             watch(one, other, found)
         groups[joined.members] = joined
-    ordered = sorted(groups.values(), key=lambda group: (-len(group.members), group.members))
     remaining = tuple((a, b, _surest(items)) for (a, b), items in sorted(best.items()))
-    return Agreement(tuple(ordered), tuple(joins), remaining)
+    sides = [(join.members, join.others) for join in joins]
+    left, fallen = part_strained(list(groups.values()), sides, relations, config.strain)
+    ordered = sorted(left, key=lambda group: (-len(group.members), group.members))
+    standing = tuple(join for number, join in enumerate(joins) if number not in fallen)
+    return Agreement(tuple(ordered), standing, remaining, tuple(joins[number] for number in fallen))
 
 
 def _next_step(

@@ -166,10 +166,10 @@ def _score_quickly(
     """(K,) scores of motions (see `score_motion`) from some of the wall points."""
     if len(motions) == 0 or len(target.walls.points) == 0 or len(source.walls.points) == 0:
         return np.zeros(len(motions))
-    limits = (config.verification.near_m, config.verification.far_m, config.verification.facing)
+    reach_m, facing = config.verification.reach_m, config.verification.facing
     a, b, T = target.view(config.num_quick_points), source.view(config.num_quick_points), np.stack(motions)
     T = target.T_field_map @ T @ source.T_map_field
-    forward = score_walls(T, b.sample, a.walls, a.fields, *limits)
-    backward = score_walls(se2.invert(T), a.sample, b.walls, b.fields, *limits)
+    forward = score_walls(T, b.sample, a.walls, a.fields, *reach_m(a.fields.resolution_m), facing)
+    backward = score_walls(se2.invert(T), a.sample, b.walls, b.fields, *reach_m(b.fields.resolution_m), facing)
     near, conflict = (0.5 * (one + other) for one, other in zip(forward, backward, strict=True))
     return np.asarray(near - config.probability.conflict_weight * conflict)

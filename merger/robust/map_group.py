@@ -55,7 +55,7 @@ class Voice:
     """Whose motion it is."""
 
 
-def voices_between(a: Group, b: Group, hypotheses: PairHypotheses, min_log_odds: float) -> list[Voice]:
+def voices_between(a: Formation, b: Formation, hypotheses: PairHypotheses, min_log_odds: float) -> list[Voice]:
     """What the motions of all pairs of maps, if they are at least so probable, say about two groups."""
     voices = []
     for (i, T_a_i), (j, T_b_j) in product(

@@ -140,6 +140,10 @@ def explain_doubt(hypothesis: Hypothesis) -> str:
         return f"{head}: {100.0 * (1.0 - evidence.agreement):.0f} % of the compared walls lie in free space"
     if hypothesis.rival_score_m > 0.6 * hypothesis.score_m:
         return f"{head}: another motion fits about as well"
+    if evidence.near_m > 1.5 * evidence.expected_m:
+        return f"{head}: {evidence.near_m:.1f} m of walls agree, but only {evidence.free_m2:.0f} m2 of floor are shared"
+    if evidence.blunt_m < 0.1 * evidence.near_m:
+        return f"{head}: hardly more than straight walls agree"
     return (
         f"{head}: {evidence.near_m:.1f} m of agreeing walls and {evidence.free_m2:.0f} m2 of shared floor are too few"
     )

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from merger.robust.verification import Evidence
 
-FEATURES = ("constant", "conflict", "rival", "ambiguity", "free", "loose_end")
+FEATURES = ("constant", "conflict", "rival", "ambiguity", "blunt", "crowding", "loose_end")
 """Names of the features, in the order of `features_of`."""
 
 _AMBIGUOUS = 0.7
@@ -30,7 +30,7 @@ class ProbabilityConfig:
         ValueError: the number of coefficients is wrong, or a setting is out of its range.
     """
 
-    coefficients: tuple[float, ...] = (-8.8, -2.84, -1.88, -4.77, 0.88, -2.89)
+    coefficients: tuple[float, ...] = (-3.68, -4.37, -1.64, -3.61, 2.84, -3.46, -0.64)
     """One for each of `FEATURES`."""
     conflict_weight: float = 5.0
     """Metres of agreeing wall that outweigh one metre in free space when motions of a pair are ranked, >= 0."""
@@ -65,7 +65,7 @@ def score_motion(evidence: Evidence, config: ProbabilityConfig) -> float:
 
 
 def features_of(evidence: Evidence, score_m: float, rival_score_m: float) -> npt.NDArray[np.float64]:
-    """The (6,) features of one motion.
+    """The (7,) features of one motion; a little is added to all lengths, so that short ones say little.
 
     Args:
         evidence: What the maps say about it.
@@ -73,16 +73,19 @@ def features_of(evidence: Evidence, score_m: float, rival_score_m: float) -> npt
         rival_score_m: The score of the best motion of the pair that is really another one.
 
     Returns:
-        1; the logarithm of the conflicting share of walls (half a metre is added to both lengths, so that short
-        lengths say little); the rival's share of the score, 0 to 1.5; what of it is above 0.7, where two motions
-        fit about as well; the logarithm of the area that is free in both maps; how much too little wall there is across
-        the weaker direction, as a logarithm, 0 to 3.
+        1; the logarithm of the walls that do not agree, those that lie a little aside by half, over those that do; the
+        rival's share of the score, 0 to 1.5; what of it is above 0.7, where two motions fit about as well; the
+        logarithm of the share of agreeing walls that are no straight lines (straight walls agree by chance); that of
+        agreeing wall over as much as the maps have for so much floor (walls that agree by chance share little floor);
+        how much too little wall there is across the weaker direction, as a logarithm, 0 to 3.
     """
+    near_m = evidence.near_m + 0.5
+    conflict = math.log((evidence.conflict_m + 0.5 * evidence.loose_m + 0.5) / near_m)
     rival = min(max(rival_score_m / max(score_m, 1.0), 0.0), 1.5)
-    conflict = math.log((evidence.conflict_m + 0.5) / (evidence.near_m + 0.5))
+    blunt = math.log((evidence.blunt_m + 0.2) / near_m)
+    crowding = math.log((evidence.near_m + 2.0) / (evidence.expected_m + 2.0))
     loose_end = min(max(math.log(_PINNED_M / max(evidence.weak_m, 1e-3)), 0.0), 3.0)
-    free = math.log(0.3 + evidence.free_m2)
-    return np.array([1.0, conflict, rival, max(0.0, rival - _AMBIGUOUS), free, loose_end])
+    return np.array([1.0, conflict, rival, max(0.0, rival - _AMBIGUOUS), blunt, crowding, loose_end])
 
 
 def log_odds_of(evidence: Evidence, rival_score_m: float, config: ProbabilityConfig) -> float:

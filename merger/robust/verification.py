@@ -3,6 +3,7 @@
 Everything is measured in metres of wall, so that it means the same for any resolution, map size and scan density.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,18 +31,26 @@ class VerificationConfig:
     """A wall in the other map's free space, farther than this from its walls, conflicts, metres, >= ``near_m``."""
     tight_m: float = 0.05
     """Width of the kernel that measures how tightly walls agree, metres, > 0."""
+    near_cells: float = 1.01
+    """The same in cells of the map that is looked up, of which none tells places apart, > 0: the larger of both counts;
+    twice as many for ``far_m``."""
     facing: float = 0.3
     """Product of the free sides below minus which two walls are opposite faces, in (0, 1)."""
 
     def __post_init__(self) -> None:
         """Refuse values out of range."""
-        for name in ("near_m", "tight_m"):
+        for name in ("near_m", "near_cells", "tight_m"):
             if not getattr(self, name) > 0.0:
-                raise ValueError(f"{name} must be > 0 m, got {getattr(self, name)}")
+                raise ValueError(f"{name} must be > 0, got {getattr(self, name)}")
         if not self.far_m >= self.near_m:
             raise ValueError(f"far_m must be >= near_m = {self.near_m}, got {self.far_m}")
         if not 0.0 < self.facing < 1.0:
             raise ValueError(f"facing must be in (0, 1), got {self.facing}")
+
+    def reach_m(self, resolution_m: float) -> tuple[float, float]:
+        """Near and far, metres, in a map of this resolution."""
+        cell_m = self.near_cells * resolution_m
+        return max(self.near_m, cell_m), max(self.far_m, 2.0 * cell_m)
 
 
 @dataclass(frozen=True)
@@ -62,8 +71,12 @@ class Evidence:
     """Agreeing wall length that pins the worse known direction of the shift (0 in a bare corridor)."""
     strong_m: float
     """Agreeing wall length that pins the better known direction."""
+    blunt_m: float
+    """Agreeing walls that are no straight lines: corners, door frames, furniture."""
     free_m2: float
     """Area that is free in both maps."""
+    expected_m: float
+    """Wall that so much floor has in the two maps."""
 
     @property
     def agreement(self) -> float:
@@ -95,12 +108,14 @@ def measure_evidence(
     forward = _one_way(target, source, T, config, num_points)
     backward = _one_way(source, target, se2.invert(T), config, num_points)
     R = T[:2, :2]
-    moment = R @ _matrix(forward[5:]) @ R.T + _matrix(backward[5:])
+    moment = R @ _matrix(forward[6:]) @ R.T + _matrix(backward[6:])
     weak, strong = np.linalg.eigvalsh(0.5 * moment)
-    near, opposed, conflict, loose, tight = (float(value) for value in 0.5 * (forward[:5] + backward[:5]))
+    near, opposed, conflict, loose, tight, blunt = (float(value) for value in 0.5 * (forward[:6] + backward[:6]))
     num_free = wall_kernels.count_free(T, source.free_points, target.fields) if num_points is None else 0
     free_m2 = num_free * source.free_point_m2
-    return Evidence(near, opposed, conflict, loose, tight, max(0.0, float(weak)), float(strong), free_m2)
+    expected_m = free_m2 * math.sqrt(target.wall_per_floor * source.wall_per_floor)
+    pinned = max(0.0, float(weak)), float(strong)
+    return Evidence(near, opposed, conflict, loose, tight, *pinned, blunt, free_m2, expected_m)
 
 
 def find_agreeing_walls(
@@ -120,16 +135,18 @@ def find_agreeing_walls(
     if len(to.walls.points) == 0:
         return np.zeros(0, dtype=np.intp)
     T_to_at = se2.invert(field_motion(at, to, T_at_to))
-    return wall_kernels.find_agreeing(T_to_at, at.walls, to.walls, to.fields, config.near_m, config.facing)
+    near_m, _ = config.reach_m(to.fields.resolution_m)
+    return wall_kernels.find_agreeing(T_to_at, at.walls, to.walls, to.fields, near_m, config.facing)
 
 
 def _one_way(
     to: WallStructure, at: WallStructure, T_to_at: Array, config: VerificationConfig, num_points: int | None
 ) -> Array:
-    """(8,) sums over one map's walls in the other (see `wall_kernels.compare_walls`)."""
+    """(9,) sums over one map's walls in the other (see `wall_kernels.compare_walls`)."""
     if len(to.walls.points) == 0:
         return np.zeros(wall_kernels.NUM_SUMS)
-    walls, limits = at.sample(num_points), (config.near_m, config.far_m, config.tight_m, config.facing)
+    walls, reach_m = at.sample(num_points), config.reach_m(to.fields.resolution_m)
+    limits = (*reach_m, config.tight_m, config.facing)
     return np.asarray(wall_kernels.compare_walls(T_to_at, walls, to.walls, to.fields, *limits))
 
 

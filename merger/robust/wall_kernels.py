@@ -11,7 +11,7 @@ Numbers = npt.NDArray[np.intp]
 UNKNOWN, FREE, OCCUPIED = 0, 1, 2
 """Values of `Fields.state`."""
 
-NUM_SUMS = 8
+NUM_SUMS = 9
 """Length of what `compare_walls` returns."""
 
 
@@ -91,7 +91,7 @@ def compare_walls(  # noqa: PLR0917 # the limits of `VerificationConfig`, in its
         facing: Walls whose free sides' product is below minus this are opposite faces.
 
     Returns:
-        (8,) metres: near, opposed, conflict, loose, tight; and xx, xy, yy of the sum of outer products of the
+        (9,) metres: near, opposed, conflict, loose, tight, blunt; and xx, xy, yy of the sum of outer products of the
         normals of near walls, each times its length, in the walls' own frame.
     """
     x, y = move_points(T[None], walls.points)
@@ -109,8 +109,8 @@ def compare_walls(  # noqa: PLR0917 # the limits of `VerificationConfig`, in its
     n, (line, length) = own[2:4].take(same, axis=1), own[6:].take(same, axis=1)
     tight = (length * np.exp(-0.5 * (distance.take(near.take(same)) / tight_m) ** 2)).sum()
     xx, xy, _, yy = (n * (length * line) @ n.T).ravel()
-    blunt = 0.5 * (length * (1.0 - line)).sum()
-    return np.array([length.sum(), opposed_m, conflict, loose, tight, xx + blunt, xy, yy + blunt])
+    blunt = (length * (1.0 - line)).sum()
+    return np.array([length.sum(), opposed_m, conflict, loose, tight, blunt, xx + 0.5 * blunt, xy, yy + 0.5 * blunt])
 
 
 def find_agreeing(T: Array, walls: Walls, to: Walls, fields: Fields, near_m: float, facing: float) -> Numbers:  # noqa: PLR0917

@@ -71,6 +71,11 @@ class WallStructure:
         return float(self.walls.lengths_m.sum())
 
     @cached_property
+    def wall_per_floor(self) -> float:
+        """Metres of wall for each square metre of free area, as if there were half a metre and half a square more."""
+        return (self.length_m + 0.5) / (len(self.free_points) * self.free_point_m2 + 0.5)
+
+    @cached_property
     def center_m(self) -> Array:
         """(2,) middle of the wall points' bounding box, frame ``field``; the origin without walls."""
         points = self.walls.points

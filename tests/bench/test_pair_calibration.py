@@ -17,7 +17,7 @@ from bench.pair_calibration import (
 from bench.pair_samples import Samples, collect_samples
 from merger.robust.pair_probability import FEATURES, ProbabilityConfig
 
-TRUE = np.array([-2.0, -2.0, -1.0, -0.5, 1.0, -1.0])
+TRUE = np.array([-2.0, -2.0, -1.0, -0.5, 1.0, -1.0, -1.0])
 
 
 def draw(num: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -40,7 +40,13 @@ def samples_of(features: np.ndarray, right: np.ndarray) -> Samples:
     number = np.arange(len(right))
     overlap = np.where(right, 0.25, 0.0)
     steps = np.array([3.0, 6.0, -0.5]), np.array([1, 1, 0]) > 0, np.array([0, 1, 0])
-    return Samples(features, right, number % 2, number, overlap, *steps)
+    return Samples(features, right, number % 3 > 0, number % 2, number, overlap, *steps)
+
+
+def test_motions_that_lose_to_another_of_their_pair_teach_nothing():
+    samples = samples_of(*draw(500, np.random.default_rng(4)))
+    other = replace(samples, right=samples.right ^ ~samples.is_best)
+    assert hold_out(other) == pytest.approx(hold_out(samples))
 
 
 def test_the_text_names_every_feature_and_building():

@@ -37,7 +37,7 @@ def join(groups: list[Group]) -> Group:
 
 
 def says(T: np.ndarray, log_odds: float = 3.0) -> tuple[Hypothesis, ...]:
-    return (Hypothesis(T, Evidence(10.0, 0.0, 0.0, 0.0, 8.0, 4.0, 6.0, 20.0), 10.0, log_odds, 0.0),)
+    return (Hypothesis(T, Evidence(10.0, 0.0, 0.0, 0.0, 8.0, 4.0, 6.0, 2.0, 20.0, 10.0), 10.0, log_odds, 0.0),)
 
 
 @pytest.fixture(scope="module")

@@ -232,8 +232,10 @@ def test_information_is_weak_along_a_corridor(pair, T_A_B):
     assert np.linalg.eigvalsh(information).min() > 0.0
 
 
-def evidence(near_m: float, conflict_m: float, free_m2: float = 40.0) -> Evidence:
-    return Evidence(near_m, 0.0, conflict_m, 0.0, near_m, near_m / 3.0, near_m / 2.0, free_m2)
+def evidence(near_m: float, conflict_m: float, **other: float) -> Evidence:
+    usual = {"loose_m": 0.0, "blunt_m": 0.2 * near_m, "weak_m": near_m / 3.0, "expected_m": near_m}
+    plain = {"opposed_m": 0.0, "tight_m": near_m, "strong_m": near_m / 2.0, "free_m2": near_m}
+    return Evidence(near_m=near_m, conflict_m=conflict_m, **(plain | usual | other))
 
 
 def test_a_motion_is_more_probable_with_more_agreement_less_conflict_and_no_rival():
@@ -242,8 +244,22 @@ def test_a_motion_is_more_probable_with_more_agreement_less_conflict_and_no_riva
     assert log_odds_of(evidence(80.0, 1.0), 10.0, config) > base
     assert log_odds_of(evidence(40.0, 4.0), 10.0, config) < base
     assert log_odds_of(evidence(40.0, 1.0), 34.0, config) < base - 2.0
-    assert log_odds_of(evidence(40.0, 1.0, 1.0), 10.0, config) < base
+    assert log_odds_of(evidence(40.0, 1.0, loose_m=8.0), 10.0, config) < base
+    assert log_odds_of(evidence(40.0, 1.0, weak_m=0.2), 10.0, config) < base
     assert probability(0.0) == 0.5
+
+
+def test_straight_walls_and_walls_without_shared_floor_say_less():
+    config = ProbabilityConfig()
+    base = log_odds_of(evidence(40.0, 1.0), 10.0, config)
+    assert log_odds_of(evidence(40.0, 1.0, blunt_m=2.0), 10.0, config) < base - 1.0
+    assert log_odds_of(evidence(40.0, 1.0, expected_m=15.0), 10.0, config) < base - 1.0
+
+
+def test_maps_agree_with_themselves_as_much_as_their_floor_lets_expect(pair):
+    found = measure_evidence(pair[0], pair[0], np.eye(3), VerificationConfig())
+    assert found.near_m == pytest.approx(pair[0].length_m)
+    assert found.expected_m == pytest.approx(found.near_m, rel=0.1)
 
 
 @pytest.mark.parametrize(

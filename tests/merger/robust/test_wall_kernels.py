@@ -21,8 +21,9 @@ def test_compare_walls_agrees_with_a_slow_oracle(pair, T_A_B):
     sums = wall_kernels.compare_walls(
         T, source.walls, target.walls, target.fields, limits.near_m, limits.far_m, limits.tight_m, limits.facing
     )
-    near = opposed = conflict = 0.0
-    for point, facing, length in zip(source.walls.points, source.walls.facing, source.walls.lengths_m, strict=True):
+    near = opposed = conflict = blunt = 0.0
+    walls = source.walls
+    for point, facing, length, line in zip(walls.points, walls.facing, walls.lengths_m, walls.linearity, strict=True):
         place = se2.transform_points(T, point[None])[0]
         col, row = np.floor(place / target.fields.resolution_m).astype(int)
         rows, cols = target.fields.state.shape
@@ -32,9 +33,11 @@ def test_compare_walls_agrees_with_a_slow_oracle(pair, T_A_B):
         other = target.walls.facing[target.fields.nearest[row, col]]
         against = (T[:2, :2] @ facing) @ other < -limits.facing
         near += length * (distance <= limits.near_m and not against)
+        blunt += length * (1.0 - line) * (distance <= limits.near_m and not against)
         opposed += length * (distance <= limits.near_m and against)
         conflict += length * (distance > limits.far_m and target.fields.state[row, col] == wall_kernels.FREE)
-    assert sums[:3] == pytest.approx([near, opposed, conflict], rel=2e-3)  # a point may lie on a cell's border
+    # A point may lie on a cell's border.
+    assert sums[[0, 1, 2, 5]] == pytest.approx([near, opposed, conflict, blunt], rel=2e-3)
 
 
 def test_several_motions_are_scored_as_each_by_itself(pair, T_A_B, nudge):
