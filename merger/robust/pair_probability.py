@@ -13,13 +13,16 @@ import numpy.typing as npt
 
 from merger.robust.verification import Evidence
 
-FEATURES = ("constant", "conflict", "rival", "ambiguity", "blunt", "crowding", "loose_end")
+FEATURES = ("constant", "conflict", "rival", "ambiguity", "blunt", "crowding", "loose_end", "lead")
 """Names of the features, in the order of `features_of`."""
 
 _AMBIGUOUS = 0.7
 """A rival above this share of a motion's score makes it ambiguous."""
 _PINNED_M = 2.0
 """Less wall than this across the weaker direction leaves a motion loose: a corridor fits itself at any shift."""
+
+_AHEAD_M = 10.0
+"""A score that leads the rival's by less is common among wrong motions."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +33,7 @@ class ProbabilityConfig:
         ValueError: the number of coefficients is wrong, or a setting is out of its range.
     """
 
-    coefficients: tuple[float, ...] = (-3.68, -4.37, -1.64, -3.61, 2.84, -3.46, -0.64)
+    coefficients: tuple[float, ...] = (-3.78, -4.20, -1.14, -4.21, 2.76, -3.38, -0.63, 0.82)
     """One for each of `FEATURES`."""
     conflict_weight: float = 5.0
     """Metres of agreeing wall that outweigh one metre in free space when motions of a pair are ranked, >= 0."""
@@ -65,7 +68,7 @@ def score_motion(evidence: Evidence, config: ProbabilityConfig) -> float:
 
 
 def features_of(evidence: Evidence, score_m: float, rival_score_m: float) -> npt.NDArray[np.float64]:
-    """The (7,) features of one motion; a little is added to all lengths, so that short ones say little.
+    """The (8,) features of one motion; a little is added to all lengths, so that short ones say little.
 
     Args:
         evidence: What the maps say about it.
@@ -77,7 +80,8 @@ def features_of(evidence: Evidence, score_m: float, rival_score_m: float) -> npt
         rival's share of the score, 0 to 1.5; what of it is above 0.7, where two motions fit about as well; the
         logarithm of the share of agreeing walls that are no straight lines (straight walls agree by chance); that of
         agreeing wall over as much as the maps have for so much floor (walls that agree by chance share little floor);
-        how much too little wall there is across the weaker direction, as a logarithm, 0 to 3.
+        how much too little wall there is across the weaker direction, as a logarithm, 0 to 3; the metres by which the
+        score leads the rival's over 10 m, as a logarithm, at least 0.
     """
     near_m = evidence.near_m + 0.5
     conflict = math.log((evidence.conflict_m + 0.5 * evidence.loose_m + 0.5) / near_m)
@@ -85,7 +89,8 @@ def features_of(evidence: Evidence, score_m: float, rival_score_m: float) -> npt
     blunt = math.log((evidence.blunt_m + 0.2) / near_m)
     crowding = math.log((evidence.near_m + 2.0) / (evidence.expected_m + 2.0))
     loose_end = min(max(math.log(_PINNED_M / max(evidence.weak_m, 1e-3)), 0.0), 3.0)
-    return np.array([1.0, conflict, rival, max(0.0, rival - _AMBIGUOUS), blunt, crowding, loose_end])
+    lead = math.log(max((score_m - max(rival_score_m, 0.0)) / _AHEAD_M, 1.0))
+    return np.array([1.0, conflict, rival, max(0.0, rival - _AMBIGUOUS), blunt, crowding, loose_end, lead])
 
 
 def log_odds_of(evidence: Evidence, rival_score_m: float, config: ProbabilityConfig) -> float:

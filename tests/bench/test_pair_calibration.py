@@ -17,7 +17,7 @@ from bench.pair_calibration import (
 from bench.pair_samples import Samples, collect_samples
 from merger.robust.pair_probability import FEATURES, ProbabilityConfig
 
-TRUE = np.array([-2.0, -2.0, -1.0, -0.5, 1.0, -1.0, -1.0])
+TRUE = np.array([-2.0, -2.0, -1.0, -0.5, 1.0, -1.0, -1.0, 1.0])
 
 
 def draw(num: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

@@ -249,6 +249,12 @@ def test_a_motion_is_more_probable_with_more_agreement_less_conflict_and_no_riva
     assert probability(0.0) == 0.5
 
 
+def test_a_motion_far_ahead_of_its_rivals_is_surer_than_one_of_the_same_shares():
+    config = ProbabilityConfig()
+    near, far = (log_odds_of(evidence(size, 0.05 * size), 0.2 * size, config) for size in (100.0, 400.0))
+    assert far > near + 0.82 * np.log(4.0) - 0.1
+
+
 def test_straight_walls_and_walls_without_shared_floor_say_less():
     config = ProbabilityConfig()
     base = log_odds_of(evidence(40.0, 1.0), 10.0, config)
