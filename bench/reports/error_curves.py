@@ -17,6 +17,8 @@ from bench.scoring.statistics import wilson_share
 
 OVERLAP_BINS = (0.0, 0.1, 0.2, 0.3, 0.5, 1.0)
 """Edges of the bins of true overlap."""
+_METHODS_SIDE_BY_SIDE = 6
+"""With more methods the figure that shows their points side by side grows wider."""
 
 
 def draw_errors(results: Results, folder: Path) -> Picture | None:
@@ -88,18 +90,20 @@ def recall_by_overlap(results: Results) -> pd.DataFrame:
 def draw_recall(recall: pd.DataFrame, folder: Path) -> Picture:
     """Recall of pairs against their true overlap, with 95 % intervals; hollow: before confirmation."""
     hands, bins = drawing.method_hands(recall["method"]), list(dict.fromkeys(recall["overlap"]))
+    width, height = drawing.CURVE_SIZE_IN
     with drawing.style():
-        figure = drawing.new_figure(*drawing.CURVE_SIZE_IN)
+        figure = drawing.new_figure(width * max(1.0, len(hands) / _METHODS_SIDE_BY_SIDE), height)
         axis = figure.subplots()
         for k, (method, hand) in enumerate(hands.items()):
             group = recall[recall["method"] == method]
-            x = np.arange(len(group)) + 0.6 * ((k + 0.5) / len(hands) - 0.5)
+            x = np.arange(len(group)) + 0.7 * ((k + 0.5) / len(hands) - 0.5)
             y = group["recall"].to_numpy(dtype=float)
             bars = np.abs(group[["recall_low", "recall_high"]].to_numpy(dtype=float).T - y)
             axis.errorbar(x, y, yerr=bars, fmt=hand.marker, color=hand.colour, capsize=3)
             axis.plot(x, group["recall_initial"], hand.marker, color=hand.colour, fillstyle="none", markersize=10)
         axis.set_xticks(np.arange(len(bins)), bins)
-        axis.set(xlabel="true overlap of the pair", ylabel="pairs with a right motion", ylim=(-0.03, 1.03))
+        axis.set(xlabel="true overlap of the pair", ylabel="pairs with a right motion")
+        axis.set(xlim=(-0.5, len(bins) - 0.5), ylim=(-0.03, 1.03))
         axis.grid(visible=True, axis="y")
     alt = "Pairs with a right motion, by true overlap and method, with 95 % intervals; hollow: before confirmation."
     label = Label("recall", "Which pairs are found", alt)

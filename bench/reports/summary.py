@@ -37,7 +37,7 @@ def summary_table(results: Results, by: Sequence[str]) -> pd.DataFrame:
 
 
 def best_cells(table: pd.DataFrame) -> tuple[tuple[int, str], ...]:
-    """Cells with the best value among the methods of one dataset, where there is something to choose."""
+    """Cells with the best value among the methods of one dataset; what most of them reach is no distinction."""
     if "method" not in table or table["method"].nunique() < 2:
         return ()
     keys = list(table.columns[: list(table.columns).index("method")])
@@ -50,8 +50,8 @@ def best_cells(table: pd.DataFrame) -> tuple[tuple[int, str], ...]:
                 right = group["placed"] - group["wrong"]
                 values = values[right == right.max()]
             if values.nunique() > 1:
-                best = values.max() if name in _BEST_HIGH else values.min()
-                marks += [(int(index), name) for index in values.index[values == best]]
+                best = values.index[values == (values.max() if name in _BEST_HIGH else values.min())]
+                marks += [(int(index), name) for index in best if len(best) <= max(2, len(group) // 2)]
     return tuple(marks)
 
 

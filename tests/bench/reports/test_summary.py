@@ -21,6 +21,11 @@ def test_the_best_of_each_dataset_is_marked_and_errors_only_among_those_who_plac
     assert set(best_cells(table)) == {(0, "placed"), (1, "placed"), (1, "wrong"), (2, "wrong"), (3, "worst m")}
 
 
+def test_what_most_methods_reach_is_not_marked() -> None:
+    table = pd.DataFrame({"method": ["a", "b", "c", "d"], "placed": [4, 4, 4, 3], "wrong": [1, 1, 0, 0]})
+    assert set(best_cells(table)) == {(2, "wrong"), (3, "wrong")}
+
+
 def test_one_method_has_no_rival_to_be_better_than() -> None:
     assert best_cells(pd.DataFrame({"method": ["paper", "paper"], "wrong": [1, 0]})) == ()
 
