@@ -6,8 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum, StrEnum
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from sim.config import SimConfig
+if TYPE_CHECKING:  # large, and whoever runs a method does without
+    from sim.config import SimConfig
 
 Setting = bool | int | float | str | None
 """A value of a configuration key."""
@@ -56,7 +58,7 @@ class DatasetSpec:
 
     label: str
     """Name in the tables."""
-    config: SimConfig
+    config: "SimConfig"
     """What makes it, seed included."""
     swept: tuple[tuple[str, Setting], ...] = ()
     """Keys that this sweep varies, with this dataset's values: columns of the scores, no part of the dataset's key."""

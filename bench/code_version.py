@@ -18,7 +18,7 @@ _LIBRARIES = ("numpy", "scipy", "opencv-python-headless", "numba")
 _MERGER_NOUNS = ("se2.py", "grid_map.py", "map_server.py")
 _SCORE_FILES = (
     *("*metrics.py", "objective.py", "nearest_other.py", "vote_kernel.py", "map_raster.py"),
-    *("yardstick.py", "calibration.py", "scores.py", "prediction.py"),
+    *("yardstick*.py", "calibration.py", "scores.py", "prediction.py"),
 )
 
 

@@ -1,28 +1,19 @@
 """Run cells: several at a time, each in processes of its own, finished ones never twice."""
 
+import functools
+import os
 import threading
 from collections import defaultdict
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import dataclass
 
 from bench.cell import Cell, DatasetSpec, Outcome
-from bench.mergers.isolation import warm_up
-from bench.stages import ScoredCell, failed_cell, finish_dataset, finish_prediction, finish_score, keys_of
+from bench.stages import CellKeys, ScoredCell, failed_cell, finish_dataset, finish_prediction, finish_score, keys_of
 from bench.store import Store
 
 CellProgress = Callable[[ScoredCell, int, int], None]
 """``progress(cell, done, total)`` is called, from any thread, as cells are finished."""
-
-_WARM_MODULES = [
-    "bench.stages",
-    "merger.pipeline",
-    "sim.datasets.dataset",
-    "scipy.spatial",
-    "scipy.ndimage",
-    "cv2",
-    "bench.scoring.warm_kernels",
-]
 
 
 @dataclass(frozen=True)
@@ -49,13 +40,13 @@ def run_cells(
     Returns:
         The finished cells, in the order given; a failure is a cell with its reason.
     """
-    warm_up(_WARM_MODULES)
     store.sweep_out()
     runner = _Runner(store, options, progress, len(cells))
-    with ThreadPoolExecutor(max_workers=options.workers) as pool:
-        futures = [pool.submit(runner.finish, cell) for cell in cells]
+    with ThreadPoolExecutor(max_workers=options.workers) as pool, ThreadPoolExecutor(max_workers=1) as scorer:
+        spare = scorer if options.workers < len(os.sched_getaffinity(0)) else None
+        futures = [pool.submit(runner.finish, cell, spare) for cell in cells]
         try:
-            return [future.result() for future in futures]
+            return [future.result().result() for future in futures]
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
@@ -71,25 +62,34 @@ class _Runner:
         self._locks: dict[str, threading.Lock] = defaultdict(threading.Lock)
         self._retried: set[str] = set()
 
-    def finish(self, cell: Cell) -> ScoredCell:
-        """One cell, from its dataset to its scores."""
+    def finish(self, cell: Cell, spare: Executor | None) -> "Future[ScoredCell]":
+        """One cell, from its dataset to its scores; on a spare core it is scored while the next method runs."""
         keys = keys_of(cell)
-        made = self._make_dataset(cell.dataset, keys.dataset)
+        made = self._make_dataset(cell.dataset, keys)
         if made.status != "ok":
-            scored = failed_cell(self._store, cell, keys, made)
+            score = functools.partial(failed_cell, self._store, cell, keys, made)
         else:
             outcome = finish_prediction(self._store, cell, keys, self._options.retry_failed)
-            scored = finish_score(self._store, cell, keys, outcome)
+            score = functools.partial(finish_score, self._store, cell, keys, outcome, waited_for=spare is None)
+        if spare:
+            return spare.submit(self._report, score)
+        done: Future[ScoredCell] = Future()
+        done.set_result(self._report(score))
+        return done
+
+    def _report(self, score: Callable[[], ScoredCell]) -> ScoredCell:
+        scored = score()
         with self._lock:
             self._done += 1
             if self._progress:
                 self._progress(scored, self._done, self._total)
         return scored
 
-    def _make_dataset(self, spec: DatasetSpec, key: str) -> Outcome:
+    def _make_dataset(self, spec: DatasetSpec, keys: CellKeys) -> Outcome:
+        key = keys.dataset
         with self._lock:
             lock = self._locks[key]
             retry = self._options.retry_failed and key not in self._retried
             self._retried.add(key)
         with lock:
-            return finish_dataset(self._store, spec, key, retry)
+            return finish_dataset(self._store, spec, keys, retry)

@@ -29,6 +29,14 @@ class Store:
         """Where the dataset of this key is, or will be."""
         return self.root / "datasets" / key
 
+    def map_cache(self, key: str) -> Path:
+        """Where the maps of the dataset of this key are, or will be, as arrays."""
+        return self.root / "maps" / key
+
+    def yardstick(self, key: str) -> Path:
+        """Where the yardstick of this key is, or will be."""
+        return self.root / "yardsticks" / f"{key}.npz"
+
     def prediction(self, key: str) -> Path:
         """Where the answer of this key is, or will be."""
         return self.root / "predictions" / key

@@ -17,7 +17,7 @@ from bench.gates.comparison import Comparison, compare_rows
 from bench.gates.rows import GateRow, make_row, read_rows
 from bench.gates.tolerances import COSTS, change_tolerances
 from bench.mergers import external
-from bench.mergers.isolation import Skipped
+from bench.mergers.fork_server import Skipped
 from bench.mergers.merger_call import Merger, merger_command
 from bench.mergers.reference_workload import time_reference
 from bench.scoring.prediction import PredictionError, read_prediction

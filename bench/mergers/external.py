@@ -1,5 +1,6 @@
 """Anybody's merger as a command: ``prog {maps} {out}`` reads a folder of maps and writes ``result.json``."""
 
+import importlib
 import resource
 import shlex
 import shutil
@@ -10,9 +11,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from bench.mergers.isolation import Skipped, original_environment
+from bench.mergers.environment import original_environment
+from bench.mergers.fork_server import Skipped
 from bench.mergers.lifeline import die_with_parent
-from bench.mergers.submap_scans import write_submap_scans
 
 PLACEHOLDERS = ("{maps}", "{out}")
 """What a command must contain."""
@@ -92,7 +93,8 @@ def _scans(command: str, maps: Sequence[Path], folder: Path) -> Path:
     scans = folder / "scans"
     scans.mkdir()
     if SCANS in command:
-        write_submap_scans(maps[0].parent.parent, scans)
+        module = importlib.import_module("bench.mergers.submap_scans")  # large: a bare server does without
+        module.write_submap_scans(maps[0].parent.parent, scans)
     return scans
 
 

@@ -1,34 +1,27 @@
 """Run a function in a process of its own: a crash, a hang or a flood of memory becomes a record with a reason.
 
-Processes are forked from a small server that has already imported what methods need, so that a call costs
-milliseconds, not the second that importing takes. A child dies with the program that asked for it.
+Processes are forked from a server (`bench.mergers.fork_server`) and die with the program that asked for them, and so
+does all that they have started.
 """
 
 import contextlib
-import multiprocessing
 import os
-import resource
 import signal
-import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from multiprocessing import connection
-from multiprocessing.context import ForkServerProcess
+from pathlib import Path
 from typing import Any
 
-import psutil
-
 from bench.cell import Outcome
-from bench.mergers.lifeline import die_with_parent, die_with_reader, outlive_reader
+from bench.mergers.fork_server import STATUS
+from bench.mergers.lifeline import family_of, kill
+from bench.mergers.servers import Preload, find_server
 
 _POLL_S = 0.25
-"""Between two looks at a child's memory and time; an answer is met at once."""
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-_ADDED = "MAPMERGE_BENCH_ADDED"
-_CONTEXT = multiprocessing.get_context("forkserver")
-_START = threading.Lock()
-_READY = threading.Event()
+"""Between two looks at a call's memory and time; an answer is met at once."""
+_PAGE_MB = os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
 @dataclass(frozen=True)
@@ -41,107 +34,54 @@ class Limits:
     """Resident memory of the whole process tree, MiB, greater than 0."""
 
 
-class Skipped(Exception):  # noqa: N818  # it is no error, it is an answer
-    """Raised by a call that cannot run here, because something optional is missing; the message says what."""
-
-
-def warm_up(modules: list[str]) -> None:
-    """Name the modules that calls will need; imported once, by the server, before the first call."""
-    _CONTEXT.set_forkserver_preload(modules)
-
-
-def start_server() -> None:
-    """Start the server unless it runs, and wait until it is ready; linear algebra uses one thread in its calls.
-
-    Threads that wait for each other on a busy machine burn processor time and change no result. Programs that a method
-    starts find the environment as it was, see `original_environment`.
-    """
-    with _START:
-        if _READY.is_set():
-            return
-        added = [name for name in _THREADS if name not in os.environ]
-        os.environ.update(dict.fromkeys(added, "1") | {_ADDED: ",".join(added)})
-        try:
-            process = _CONTEXT.Process(target=int)
-            process.start()
-        finally:
-            for name in (*added, _ADDED):
-                del os.environ[name]
-        process.join()
-        _READY.set()
-
-
-def original_environment() -> dict[str, str]:
-    """This process's environment without what `start_server` added to it."""
-    added = os.environ.get(_ADDED, "").split(",")
-    return {name: value for name, value in os.environ.items() if name not in (*added, _ADDED)}
-
-
-def run_isolated(function: Callable[..., dict[str, Any] | None], arguments: tuple[Any, ...], limits: Limits) -> Outcome:
+def run_isolated(
+    function: Callable[..., dict[str, Any] | None],
+    arguments: tuple[Any, ...],
+    limits: Limits,
+    preload: Preload = Preload.METHODS,
+) -> Outcome:
     """Call a function in a fresh process.
 
     Args:
         function: A module-level function; the dictionary that it may return gives fields of the outcome.
         arguments: Its arguments, picklable.
         limits: When to stop it.
+        preload: What the process has imported beforehand.
 
     Returns:
-        Status ``ok``; ``skipped`` if it raised `Skipped`; else ``failed`` with the reason: the exception, the signal
-        that ended it, or the limit that it broke.
+        Status ``ok``; ``skipped`` if it raised `bench.mergers.fork_server.Skipped`; else ``failed`` with the reason:
+        the exception, the signal that ended it, or the limit that it broke.
     """
-    start_server()
-    receiver, sender = _CONTEXT.Pipe(duplex=False)
-    process = _CONTEXT.Process(target=_child, args=(sender, function, arguments), daemon=False)
-    with _START:
-        process.start()
-    sender.close()
+    server = find_server(preload)
+    server.wait_until_ready()
+    call, status_fd = server.start_call()
     start = time.monotonic()
-    answer = None
-    try:
-        breach, polled_mb = _watch(process, receiver, limits, start)
-        answer = None if breach else _receive(receiver)
-    finally:
-        _end(process, wait=answer is None)
-        receiver.close()
-    if breach:
-        return Outcome("failed", breach, time.monotonic() - start, polled_mb)
-    if answer is None:
-        return Outcome("failed", _death(process.exitcode), time.monotonic() - start, polled_mb)
-    status, reason, fields = answer
+    with call, os.fdopen(status_fd, "rb", buffering=0) as status:
+        with contextlib.suppress(BrokenPipeError, ConnectionResetError):
+            call.send((function, arguments))
+        pid = _read_number(status)
+        breach, polled_mb = _watch(pid, [call, status], limits, start)
+        answer = None if breach else _receive(call)
+        if answer is None:
+            exit_code = _end(pid, status, wait_s=0.0 if breach else 1.0)
+            return Outcome("failed", breach or _death(exit_code), time.monotonic() - start, polled_mb)
+    kind, reason, fields = answer
     fields.setdefault("wall_s", time.monotonic() - start)
-    fields["peak_memory_mb"] = max(
-        fields.get("peak_memory_mb", 0.0), polled_mb if "peak_memory_mb" not in fields else 0.0
-    )
-    return Outcome(status, reason, **fields)
+    fields.setdefault("peak_memory_mb", polled_mb)
+    return Outcome(kind, reason, **fields)
 
 
-def _child(sender: connection.Connection, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
-    os.setsid()
-    die_with_parent()
-    die_with_reader(sender)
-    answer: tuple[str, str | None, dict[str, Any]]
-    try:
-        fields = function(*arguments) or {}
-        own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-        answer = ("ok", None, {"peak_memory_mb": own} | fields)
-    except Skipped as reason:
-        answer = ("skipped", str(reason), {})
-    except MemoryError:
-        answer = ("failed", "out of memory", {})
-    except Exception as error:  # noqa: BLE001  # whatever a method raises is its answer
-        answer = ("failed", _one_line(f"{type(error).__name__}: {error}"), {})
-    outlive_reader(sender)
-    sender.send(answer)
-    sender.close()
+def _read_number(status: Any) -> int | None:
+    """The next number on a call's status pipe; none when the server is gone."""
+    data = status.read(STATUS.size)
+    return STATUS.unpack(data)[0] if data else None
 
 
-def _watch(
-    process: ForkServerProcess, receiver: connection.Connection, limits: Limits, start: float
-) -> tuple[str | None, float]:
-    """Wait until the child answers or dies; the limit it broke, if any, and the largest memory seen."""
+def _watch(pid: int | None, signs: list[Any], limits: Limits, start: float) -> tuple[str | None, float]:
+    """Wait until the call answers or ends; the limit it broke, if any, and the largest memory seen."""
     peak_mb = 0.0
-    while not connection.wait([receiver, process.sentinel], timeout=_POLL_S):
-        peak_mb = max(peak_mb, _memory_mb(process.pid))
+    while pid is not None and not connection.wait(signs, timeout=_POLL_S):
+        peak_mb = max(peak_mb, sum(map(_memory_mb, family_of(pid))))
         if time.monotonic() - start > limits.time_s:
             return f"time limit of {limits.time_s:g} s", peak_mb
         if peak_mb > limits.memory_mb:
@@ -149,39 +89,37 @@ def _watch(
     return None, peak_mb
 
 
-def _memory_mb(pid: int | None) -> float:
-    total = 0
-    with contextlib.suppress(psutil.Error):
-        root = psutil.Process(pid)
-        for member in [root, *root.children(recursive=True)]:
-            with contextlib.suppress(psutil.Error):
-                total += member.memory_info().rss
-    return total / 2**20
-
-
-def _receive(receiver: connection.Connection) -> Any:
+def _memory_mb(pid: int) -> float:
+    """Resident memory of a process, MiB; 0 if it is gone."""
     try:
-        return receiver.recv()
+        return int(Path(f"/proc/{pid}/statm").read_bytes().split()[1]) * _PAGE_MB
+    except (OSError, IndexError):
+        return 0.0
+
+
+def _receive(call: "connection.Connection[Any, Any]") -> Any:
+    """The answer; none if there is none, and will be none."""
+    try:
+        return call.recv() if call.poll(0) else None
     except (EOFError, OSError):
         return None
 
 
-def _end(process: ForkServerProcess, *, wait: bool) -> None:
-    """Kill a child and its session; one that has answered has nothing left to do, and nobody waits for its end."""
-    if wait:
-        process.join(timeout=1.0)
-    if process.pid is not None:
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.killpg(process.pid, signal.SIGKILL)
-    if wait:
-        process.join(timeout=10.0)
+def _end(pid: int | None, status: Any, wait_s: float) -> int | None:
+    """Kill a call that has not answered, unless it ends by itself; how it ended, none when the server is gone.
+
+    What it has started is killed by the server.
+    """
+    if pid is None:
+        return None
+    if not connection.wait([status], timeout=wait_s):
+        kill([pid])
+    return _read_number(status)
 
 
 def _death(exit_code: int | None) -> str:
-    if exit_code is not None and exit_code < 0:
+    if exit_code is None:
+        return "the server of processes was ended"
+    if exit_code < 0:
         return f"crashed with {signal.Signals(-exit_code).name}"
     return f"ended without an answer (exit status {exit_code})"
-
-
-def _one_line(text: str) -> str:
-    return " ".join(text.split())[:500]

@@ -14,13 +14,15 @@ from typing import Any
 
 import numpy as np
 
-from bench.cell import MethodKind, MethodSpec, Setting
+from bench.cell import MethodKind, MethodSpec, Outcome, Setting
 from bench.mergers import external
-from bench.mergers.isolation import Skipped
+from bench.mergers.fork_server import Skipped
+from bench.mergers.isolation import Limits, run_isolated
+from bench.mergers.map_cache import read_cached_maps
 from bench.mergers.reference_workload import time_reference
+from bench.mergers.servers import Preload
 from merger.files.result_json import to_json_dict
 from merger.grid_map import GridMap
-from merger.map_server import read_map
 from merger.pipeline import MergeConfig, merge_maps
 from merger.result import MergeResult, Method
 
@@ -55,15 +57,31 @@ def merge_config(method: str, seed: int, workers: int, options: Sequence[tuple[s
     return config
 
 
-def call_method(spec: MethodSpec, dataset: Path, order: int, seed: int, out: Path) -> dict[str, Any]:
-    """Run a method on a dataset's maps and write ``out/result.json``; runs in a process of its own.
+def preload_of(spec: MethodSpec) -> Preload:
+    """What a process must have imported to run a method at once."""
+    bare = spec.kind is MethodKind.EXTERNAL and external.SCANS not in spec.target
+    return Preload.NOTHING if bare else Preload.METHODS
+
+
+def run_method(spec: MethodSpec, maps: Sequence[Path], seed: int, out: Path, cache: Path) -> Outcome:
+    """Run a method on maps, in a process of its own; it writes ``out/result.json``.
 
     Args:
         spec: The method.
-        dataset: The dataset's folder; only ``maps`` is read.
-        order: See `bench.cell.Cell`.
+        maps: YAML files of the maps, in order.
         seed: Seed of the method.
         out: An existing folder.
+        cache: Folder of `bench.mergers.map_cache` with these maps; it need not be there.
+    """
+    limits = Limits(spec.time_limit_s, spec.memory_limit_mb)
+    if spec.kind is not MethodKind.EXTERNAL:
+        return run_isolated(call_method, (spec, maps, seed, out, cache), limits, preload_of(spec))
+    outcome = run_isolated(external.call_command, (spec.target, maps, out), limits, preload_of(spec))
+    return dataclasses.replace(outcome, reference_s=time_reference()) if outcome.status == "ok" else outcome
+
+
+def call_method(spec: MethodSpec, paths: Sequence[Path], seed: int, out: Path, cache: Path) -> dict[str, Any]:
+    """Run a method of ours, or an installed one, on maps in this process, and write ``out/result.json``.
 
     Returns:
         Fields of the `Outcome`.
@@ -71,15 +89,12 @@ def call_method(spec: MethodSpec, dataset: Path, order: int, seed: int, out: Pat
     Raises:
         Exception: whatever the method raises.
     """
-    if spec.kind is MethodKind.EXTERNAL:
-        fields = external.call_command(spec.target, ordered_maps(dataset, order), out)
-    else:
-        maps = [read_map(path) for path in ordered_maps(dataset, order)]
-        start, start_cpu = time.perf_counter(), time.process_time()
-        result = _merge(spec, maps, seed)
-        fields = {"wall_s": time.perf_counter() - start, "cpu_s": time.process_time() - start_cpu}
-        document = to_json_dict(result) if isinstance(result, MergeResult) else result
-        (out / "result.json").write_text(json.dumps(document), encoding="utf-8")
+    maps = read_cached_maps(paths, cache)
+    start, start_cpu = time.perf_counter(), time.process_time()
+    result = _merge(spec, maps, seed)
+    fields = {"wall_s": time.perf_counter() - start, "cpu_s": time.process_time() - start_cpu}
+    document = to_json_dict(result) if isinstance(result, MergeResult) else result
+    (out / "result.json").write_text(json.dumps(document), encoding="utf-8")
     return fields | {"reference_s": time_reference()}
 
 

@@ -31,8 +31,8 @@ def nearest_other_m(points: Array, group: Integers) -> Array:
     """
     if len(points) == 0 or (group == group[0]).all():
         return np.full(len(points), math.inf)
-    low = points.min(axis=0)
-    size = np.maximum(points.max(axis=0) - low, 1e-9)
+    low, high = (np.array([pick(points[:, 0]), pick(points[:, 1])]) for pick in (np.min, np.max))
+    size = np.maximum(high - low, 1e-9)
     side = max(math.sqrt(size[0] * size[1] * _POINTS_PER_BIN / len(points)), float(size.max()) / len(points))
     cols, rows = (int(n) + 1 for n in size // side)
     starts, order = _sort_into_bins(points - low, (rows, cols, side))

@@ -79,10 +79,11 @@ class Score:
     runtime_s: float = math.nan
     """Wall time of the method."""
     runtime_overhead_s: float = math.nan
-    """Wall time from when the row's dataset is there until its scores are ready to be written, less the method's
-    (``runtime_s``): starting and ending processes, reading maps, copying them for a command, writing and keeping the
-    answer, the reference workload, reading the truth, scoring. What comes once a sweep is not in it: starting the
-    program and its server of processes, and drawing the report, which says how long that took."""
+    """Wall time for which the row keeps its worker from the next one, less the method's (``runtime_s``) and the making
+    of its dataset: starting and ending processes, reading maps, copying them for a command, writing and keeping the
+    answer, the reference workload, and scoring, unless a core is spare on which that is done while the next method
+    runs. What comes once a sweep is not in it: starting the program and its servers, and drawing the report, which says
+    how long that took."""
     runtime_ratio: float = math.nan
     """Processor time of the method, all its threads and processes, over that of the reference workload (a few ms), run
     in the same process right after it: what other programs do meanwhile hardly changes it; waiting does not count."""

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from omegaconf import OmegaConf
 
-from bench.__main__ import compose_sim
+from bench.command import compose_sim
 from bench.experiment import Experiment, write_experiment
 from bench.plan import plan_cells
 from bench.reports import chapters, picture_chapters

@@ -16,11 +16,13 @@ import pandas as pd
 import pytest
 
 from bench import stages
-from bench.__main__ import compose_sim, main
+from bench.__main__ import main
 from bench.cell import Cell, DatasetSpec, MethodKind, MethodSpec, Outcome
+from bench.command import compose_sim
 from bench.plan import plan_cells
 from bench.run import RunOptions, run_cells
 from bench.settings import BenchSettings
+from bench.stages import CellKeys
 from bench.store import Store
 from sim.config import SimConfig
 from sim.maps.submaps import SubmapsConfig
@@ -223,7 +225,7 @@ def test_a_full_disk_ends_the_run_and_is_not_remembered_as_a_failure_of_the_data
     store: Store, tiny_config: SimConfig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     full = Outcome("failed", "OSError: [Errno 28] No space left on device")
-    finish = functools.partial(stages.finish_dataset, store, DatasetSpec("tiny", tiny_config), "a_key")
+    finish = functools.partial(stages.finish_dataset, store, DatasetSpec("tiny", tiny_config), CellKeys(*"dyps"))
     with monkeypatch.context() as patch:
         patch.setattr(stages, "run_isolated", lambda *_: full)
         with pytest.raises(OSError, match="No space left"):

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from bench.mergers.external import SKIP_STATUS, call_command
-from bench.mergers.isolation import Skipped
+from bench.mergers.fork_server import Skipped
 from bench.mergers.shipped import SHIPPED, shipped_command
 from bench.mergers.submap_scans import write_submap_scans
 from merger import se2
