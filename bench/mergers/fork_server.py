@@ -47,7 +47,7 @@ def serve(control_fd: int, modules: Iterable[str]) -> None:
     for name in modules:
         with contextlib.suppress(ImportError):
             importlib.import_module(name)
-    with socket.socket(fileno=control_fd) as control:
+    with socket.socket(fileno=control_fd) as control, contextlib.suppress(ConnectionError):  # nobody is left to ask
         control.send(READY)
         _serve_calls(control)
     end_family()

@@ -1,5 +1,6 @@
 """Whatever a method does in its process comes back as a record with a reason."""
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -159,3 +160,13 @@ def test_what_a_call_has_left_behind_ends_when_the_program_or_its_group_is_kille
 
 def test_an_exit_status_that_a_method_chooses_is_told() -> None:
     assert run_isolated(sys.exit, (3,), AMPLE).reason == "ended without an answer (exit status 3)"
+
+
+@pytest.mark.parametrize("wait", ["", "; server.wait_until_ready()"])
+def test_a_server_that_is_never_asked_ends_with_its_program_without_a_word(wait: str) -> None:
+    code = "from bench.mergers.servers import Preload, find_server; server = find_server(Preload.NOTHING)"
+    code += f"{wait}; print(server.process.pid)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    with contextlib.suppress(psutil.NoSuchProcess):
+        psutil.Process(int(done.stdout)).wait(timeout=20.0)
+    assert done.stderr == ""
