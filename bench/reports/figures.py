@@ -41,11 +41,11 @@ def draw_pairs(exhibit: Exhibit, folder: Path) -> Picture:
     for pair in exhibit.prediction.pairs:
         if pair.T_target_source is not None and not pair_metrics.is_right(pair, truth):
             wrong[pair.target, pair.source] = wrong[pair.source, pair.target] = "✕"
-    nothing, found = np.full((count, count), "", dtype=object), np.where(words == "no_match", words, "rejected")
+    nothing, found = np.full((count, count), "", dtype=object), _shade((words != "no_match").astype(float) / 2.0)
     counts = np.where(inliers > 0, np.char.mod("%d", inliers), "").astype(object)
     panels = [
         draw_matrix("matches that agree", names, _shade(inliers), counts),
-        draw_matrix("pairs with a motion", names, _colour(found), nothing),
+        draw_matrix("pairs with a motion", names, found, nothing),
         draw_matrix("confirmed motions", names, _colour(words), wrong),
     ][0 if inliers.any() else 1 :]
     legend = [Entry(text, PAIR_COLOURS[key]) for key, text in _PAIR_WORDS.items()]
