@@ -136,15 +136,17 @@ def _meet(T: Array, walls: Walls, other: View, cutoff_m: float) -> _Meetings:
 
 def _meet_many(T: Array, walls: Sequence[Walls], other: View, cutoff_m: Array) -> _Meetings:
     """The same for K maps, each moved by its own motion, with its own cut-off: in one call on long arrays."""
-    counts = [len(item.table) for item in walls]
+    first = np.cumsum([0, *(len(item.table) for item in walls)])
     moved = [move_points(one, item.points) for one, item in zip(T[:, None], walls, strict=True)]
     x, y = (np.concatenate([places[axis][0] for places in moved]) for axis in (0, 1))
     cells = find_cells(x, y, other.fields)
-    near = np.flatnonzero(distances_of(other.fields, cells) < np.repeat(cutoff_m, counts))
+    near = np.flatnonzero(distances_of(other.fields, cells) < np.repeat(cutoff_m, np.diff(first)))
     met = other.walls.columns_of(other.fields.nearest.ravel().take(cells.take(near)))
-    place, motion = np.stack([x.take(near), y.take(near)]), np.repeat(np.arange(len(T)), counts).take(near)
-    together = Walls(np.concatenate([item.table for item in walls]))
-    return _weigh(T, motion, place, (together.columns_of(near), met), cutoff_m.take(motion))
+    ends = near.searchsorted(first)
+    parts = zip(walls, first, pairwise(ends), strict=False)
+    own = np.hstack([item.columns_of(near[start:end] - number) for item, number, (start, end) in parts])
+    place, motion = np.stack([x.take(near), y.take(near)]), np.repeat(np.arange(len(T)), np.diff(ends))
+    return _weigh(T, motion, place, (own, met), cutoff_m.take(motion))
 
 
 def _weigh(
