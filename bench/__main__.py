@@ -11,14 +11,13 @@ def main() -> None:
         find_server(Preload.METHODS)  # it imports what calls need while this program imports the rest
         from bench.command import run_command  # noqa: PLC0415
 
-        text = run_command(sys.argv[1:])
+        if text := run_command(sys.argv[1:]):
+            print(text)
     except (ValueError, OSError) as error:
         print(f"bench: {' '.join(str(error).split())}", file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:
         sys.exit(130)
-    if text:
-        print(text)
     sys.exit(0)
 
 
