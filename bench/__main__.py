@@ -9,7 +9,7 @@ def main() -> None:
     """Run the command line."""
     try:
         find_server(Preload.METHODS)  # it imports what calls need while this program imports the rest
-        from bench.command import run_command  # noqa: PLC0415
+        from bench.command import run_command  # noqa: PLC0415  # large: the server starts first
 
         if text := run_command(sys.argv[1:]):
             print(text)
