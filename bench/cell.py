@@ -95,7 +95,7 @@ class Outcome:
     reference_s: float = float("nan")
     """Processor seconds of the reference workload, run beside the method."""
     overhead_s: float = float("nan")
-    """Seconds that calling the method took besides, see `bench.scoring.scores.Score.runtime_overhead_s`."""
+    """Seconds that calling the method took besides, see `bench.scoring.score_rows.Score.runtime_overhead_s`."""
 
 
 def hash_of(document: object) -> str:

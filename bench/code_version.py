@@ -16,10 +16,6 @@ from sim.version import package_version
 
 _LIBRARIES = ("numpy", "scipy", "opencv-python-headless", "numba")
 _MERGER_NOUNS = ("se2.py", "grid_map.py", "map_server.py")
-_SCORE_FILES = (
-    *("*metrics.py", "objective.py", "nearest_other.py", "vote_kernel.py", "map_raster.py"),
-    *("yardstick*.py", "calibration.py", "scores.py", "prediction.py"),
-)
 
 
 @functools.cache
@@ -38,8 +34,7 @@ def dataset_version() -> str:
 @functools.cache
 def score_version() -> str:
     """Hash of the sources that define the scores."""
-    files = [path for pattern in _SCORE_FILES for path in _sources(bench.__file__, pattern)]
-    return _hash_files(sorted(set(files)), merger_version())
+    return _hash_files(_sources(bench.__file__, "scoring/*.py"), merger_version())
 
 
 def command_version(command: str) -> str:

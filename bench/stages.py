@@ -17,7 +17,7 @@ from bench.mergers.isolation import Limits, run_isolated
 from bench.mergers.map_cache import write_map_cache
 from bench.mergers.methods import ordered_maps, preload_of, python_methods, run_method
 from bench.mergers.servers import Preload, find_server
-from bench.scoring.prediction import PredictionError, read_prediction
+from bench.scoring.result_reader import PredictionError, read_prediction
 from bench.scoring.scores import score_failure, score_result
 from bench.scoring.yardstick import Yardstick, make_yardstick
 from bench.scoring.yardstick_file import encode_yardstick, read_yardstick
@@ -41,11 +41,11 @@ class ScoredCell:
     cell: Cell
     """What was measured."""
     score: dict[str, Any]
-    """Columns of `bench.scoring.scores.Score`."""
+    """Columns of `bench.scoring.score_rows.Score`."""
     maps: list[dict[str, Any]]
-    """Columns of `bench.scoring.scores.MapScore`, one per map."""
+    """Columns of `bench.scoring.score_rows.MapScore`, one per map."""
     pairs: list[dict[str, Any]]
-    """Columns of `bench.scoring.scores.PairScore`, one per pair."""
+    """Columns of `bench.scoring.score_rows.PairScore`, one per pair."""
     dataset: Path
     """Folder of the dataset."""
     result: Path

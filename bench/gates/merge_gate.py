@@ -20,8 +20,9 @@ from bench.mergers import external
 from bench.mergers.fork_server import Skipped
 from bench.mergers.merger_call import Merger, merger_command
 from bench.mergers.reference_workload import time_reference
-from bench.scoring.prediction import PredictionError, read_prediction
-from bench.scoring.scores import Score, score_failure, score_result
+from bench.scoring.result_reader import PredictionError, read_prediction
+from bench.scoring.score_rows import Score
+from bench.scoring.scores import score_failure, score_result
 from bench.scoring.yardstick import make_yardstick
 from sim.datasets.dataset import read_dataset
 

@@ -7,7 +7,7 @@ from collections import Counter
 from dataclasses import dataclass, fields
 from pathlib import Path
 
-from bench.scoring.scores import Score
+from bench.scoring.score_rows import Score
 
 Value = bool | int | float | str | None
 """A value that names a row."""

@@ -15,7 +15,7 @@ from bench.reports.report import Section
 from bench.reports.summary import best_cells, summary_table, tell_overview
 from bench.reports.tables import Results, write_swept
 from bench.scoring import order_metrics
-from bench.scoring.scores import PairScore
+from bench.scoring.score_rows import PairScore
 from bench.settings import BenchSettings
 from bench.stages import ScoredCell
 from sim.config import SourceKind

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from bench.scoring.scores import PairScore
+from bench.scoring.score_rows import PairScore
 from merger import se2
 from merger.features import FeatureConfig, Features, extract_features, match_features
 from merger.grid_map import GridMap

@@ -15,7 +15,7 @@ from bench.gates.comparison import compare_rows
 from bench.gates.rows import GateRow, make_row
 from bench.gates.tolerances import ANOTHER_MACHINE, COSTS, TOLERANCES
 from bench.mergers.methods import merge_config
-from bench.scoring.prediction import read_prediction
+from bench.scoring.result_reader import read_prediction
 from bench.scoring.scores import score_result
 from bench.scoring.yardstick import make_yardstick
 from merger import trimmed_icp

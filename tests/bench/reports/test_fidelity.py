@@ -8,7 +8,7 @@ import pytest
 
 from bench.reports.fidelity import Fidelity, FidelityRun, measure_fidelity, wall_thickness
 from bench.reports.fidelity_comparison import compare_fidelity
-from bench.scoring.scores import PairScore
+from bench.scoring.score_rows import PairScore
 from merger.grid_map import LOG_ODDS_OCCUPIED, GridMap
 from sim.config import SimConfig, SourceConfig, SourceKind
 from sim.datasets.dataset import Dataset, make_dataset, read_dataset

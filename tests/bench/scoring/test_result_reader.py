@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.scoring.prediction import PredictionError, read_prediction
+from bench.scoring.result_reader import PredictionError, read_prediction
 from merger import se2
 
 NAMES = ("map_00", "map_01")

@@ -1,0 +1,156 @@
+"""Reading a method's ``result.json``: only what is scored, checked before it is believed.
+
+Every method comes through this door, ours and other people's: a result that is malformed or leaves maps out is refused
+with a reason that becomes a row of the table.
+"""
+
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from bench.scoring.prediction import PredictedPair, Prediction
+from merger import se2
+
+_STATUSES = ("reliable", "rejected", "no_match")
+
+
+class PredictionError(ValueError):
+    """A ``result.json`` cannot be scored; the message is one line that says why."""
+
+
+def read_prediction(path: Path, names: Sequence[str]) -> Prediction:
+    """Read and check a ``result.json``.
+
+    Args:
+        path: The file.
+        names: Names of the dataset's maps; the answer comes in this order.
+
+    Raises:
+        PredictionError: the file is missing, no JSON, malformed, or does not speak of exactly these maps.
+    """
+    document = _read_document(path)
+    maps = _mapping(document, "maps")
+    missing, unknown = sorted(set(names) - set(maps)), sorted(set(maps) - set(names))
+    if missing:
+        raise PredictionError(f"result.json is partial: it leaves out {', '.join(missing)}")
+    if unknown:
+        raise PredictionError(f"result.json speaks of maps that were not given: {', '.join(unknown)}")
+    entries = [_mapping(maps, name) for name in names]
+    placed = np.array([_boolean(e, "placed", n) for e, n in zip(entries, names, strict=True)], dtype=bool)
+    motions = [_motion(e, "T_ref_map", n) for e, n in zip(entries, names, strict=True)]
+    for name, is_placed, motion in zip(names, placed, motions, strict=True):
+        if is_placed and motion is None:
+            raise PredictionError(f"result.json: map '{name}' is placed but has no T_ref_map")
+    initial = [_motion(e, "T_ref_map_initial", n) for e, n in zip(entries, names, strict=True)]
+    return Prediction(
+        names=tuple(names),
+        placed=placed,
+        component=np.array([_integer(e, "component", n) for e, n in zip(entries, names, strict=True)], dtype=np.int64),
+        T_ref_map=_stack([m if p else None for m, p in zip(motions, placed, strict=True)]),
+        T_ref_map_initial=_stack(initial),
+        confidence=np.array([_number(e.get("confidence"), "confidence") for e in entries]),
+        reasons=tuple(None if e.get("reason") is None else str(e["reason"]) for e in entries),
+        pairs=tuple(_pair(p, list(names)) for p in _list(document, "pairs")),
+        stages_s={k: _number(v, k) for k, v in _optional_mapping(document, "runtime_s").items()},
+    )
+
+
+def _read_document(path: Path) -> dict[str, Any]:
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise PredictionError("no result.json was written") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise PredictionError(f"result.json cannot be read ({type(error).__name__})") from None
+    try:
+        document = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise PredictionError(f"result.json is not JSON (line {error.lineno}: {error.msg})") from None
+    if not isinstance(document, dict):
+        raise PredictionError("result.json is not an object")
+    if document.get("schema") != 1:
+        raise PredictionError(f"result.json: schema must be 1, got {document.get('schema')!r}")
+    return document
+
+
+def _mapping(document: dict[str, Any], key: str) -> dict[str, Any]:
+    value = document.get(key)
+    if not isinstance(value, dict):
+        raise PredictionError(f"result.json: '{key}' is missing or not an object")
+    return value
+
+
+def _optional_mapping(document: dict[str, Any], key: str) -> dict[str, Any]:
+    return _mapping(document, key) if document.get(key) is not None else {}
+
+
+def _list(document: dict[str, Any], key: str) -> list[Any]:
+    value = document.get(key) or []
+    if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
+        raise PredictionError(f"result.json: '{key}' is not a list of objects")
+    return value
+
+
+def _boolean(entry: dict[str, Any], key: str, name: str) -> bool:
+    value = entry.get(key)
+    if not isinstance(value, bool):
+        raise PredictionError(f"result.json: '{key}' of map '{name}' must be true or false, got {value!r}")
+    return value
+
+
+def _integer(entry: dict[str, Any], key: str, name: str) -> int:
+    value = entry.get(key)
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise PredictionError(f"result.json: '{key}' of map '{name}' must be an integer, got {value!r}")
+    return value
+
+
+def _number(value: object, key: str) -> float:
+    if value is None:
+        return math.nan
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise PredictionError(f"result.json: '{key}' must be a finite number, got {value!r}")
+    return float(value)
+
+
+def _motion(entry: dict[str, Any], key: str, name: str) -> npt.NDArray[np.float64] | None:
+    value = entry.get(key)
+    if value is None:
+        return None
+    if not isinstance(value, dict) or any(value.get(k) is None for k in ("x", "y", "theta")):
+        raise PredictionError(f"result.json: '{key}' of '{name}' must be {{x, y, theta}}, got {value!r}")
+    return se2.make_motion(*(_number(value[k], f"{key}.{k}") for k in ("x", "y", "theta")))
+
+
+def _stack(motions: Sequence[npt.NDArray[np.float64] | None]) -> npt.NDArray[np.float64]:
+    stack = [np.full((3, 3), np.nan) if motion is None else motion for motion in motions]
+    return np.array(stack, dtype=np.float64).reshape(-1, 3, 3)
+
+
+def _pair(entry: dict[str, Any], names: list[str]) -> PredictedPair:
+    target, source = entry.get("target"), entry.get("source")
+    if target not in names or source not in names:
+        raise PredictionError(f"result.json: a pair names an unknown map: {target!r}, {source!r}")
+    status = entry.get("status")
+    if status not in _STATUSES:
+        raise PredictionError(
+            f"result.json: the status of a pair must be one of {', '.join(_STATUSES)}, got {status!r}"
+        )
+    label = f"{target}-{source}"
+    return PredictedPair(
+        target=names.index(target),
+        source=names.index(source),
+        status=str(status),
+        reason=None if entry.get("reason") is None else str(entry["reason"]),
+        T_target_source=_motion(entry, "T_target_source", label),
+        num_matches=_number(entry.get("num_matches"), "num_matches"),
+        num_inliers=_number(entry.get("num_inliers"), "num_inliers"),
+        agreement=_number(entry.get("agreement"), "agreement"),
+        T_target_source_initial=_motion(entry, "T_target_source_initial", label),
+        in_tree=bool(entry.get("in_tree", False)),
+    )
