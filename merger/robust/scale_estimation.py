@@ -13,12 +13,12 @@ import numpy.typing as npt
 from merger.grid_map import GridMap
 from merger.merge_config import MergeConfig, Progress
 from merger.robust.dense_search import search_motions
+from merger.robust.forks import map_in_forks
 from merger.robust.hypotheses import Hypothesis, find_hypotheses
 from merger.robust.stages import DescribedMap, describe_maps
 from merger.robust.verification import measure_evidence
 from merger.robust.wall_alignment import align_walls
 from merger.robust.wall_structure import extract_structure
-from merger.stages import map_in_threads
 
 Array = npt.NDArray[np.float64]
 
@@ -59,7 +59,7 @@ def estimate_scales(maps: Sequence[GridMap], config: MergeConfig, progress: Prog
         return [_best_scale(described[i], maps[j], [motions[i] for motions in found], config) for i in range(j)]
 
     sources = range(len(maps) - 1, 0, -1)
-    rows = map_in_threads(work, sources, config.workers, "scales", progress)
+    rows = map_in_forks(work, sources, config.workers, "scales", progress)
     pairs = {(i, j): item for j, row in zip(sources, rows, strict=True) for i, item in enumerate(row)}
     root = next((k for k, grid in enumerate(maps) if grid.name == config.reference), 0)
     return _average(pairs, len(maps), root, _SURE_LOG_ODDS)

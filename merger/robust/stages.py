@@ -18,6 +18,7 @@ from merger.robust.coarse_map import CoarseMap, coarsen
 from merger.robust.consensus import Agreement
 from merger.robust.dense_search import search_motions
 from merger.robust.feature_hypotheses import propose_motion
+from merger.robust.forks import map_in_forks
 from merger.robust.hypotheses import HypothesesConfig, Hypothesis, find_hypotheses, is_same_motion
 from merger.robust.joint_refinement import refine_jointly
 from merger.robust.map_group import PairHypotheses
@@ -84,7 +85,7 @@ def search_all_pairs(described: Sequence[DescribedMap], config: MergeConfig, pro
         ]
 
     sources = range(len(described) - 1, 0, -1)
-    found = map_in_threads(work, sources, config.workers, "pairs", progress)
+    found = map_in_forks(work, sources, config.workers, "pairs", progress)
     return {(i, j): motions for j, row in zip(sources, found, strict=True) for i, motions in enumerate(row)}
 
 
