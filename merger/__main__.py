@@ -34,7 +34,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     parser = _make_parser()
     options = parser.parse_args(argv)
-    cv2.setNumThreads(1)  # --workers threads do the work.
+    cv2.setNumThreads(1)  # --workers threads or processes do the work.
     try:
         _refuse_bad_folder(Path(options.out))
         maps = read_maps(options.maps)
@@ -75,7 +75,8 @@ def _make_parser() -> _Parser:
     parser.add_argument("--method", choices=methods, default=MergeConfig().method.value, help="default: %(default)s")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all random choices (default: 0)")
     workers = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    parser.add_argument("--workers", type=int, default=workers, metavar="N", help="threads (default: all cores)")
+    at_work = "threads, or processes where robust searches (default: all cores)"
+    parser.add_argument("--workers", type=int, default=workers, metavar="N", help=at_work)
     parser.add_argument("--reference", metavar="NAME", help="map whose frame is the result's (default: the first)")
     parser.add_argument("--resolution", type=float, metavar="M", help="cell side of the merged map, metres")
     parser.add_argument(

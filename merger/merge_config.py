@@ -33,7 +33,7 @@ class MergeConfig:
     seed: int = 0
     """Seed of every random stream, at least 0."""
     workers: int = 1
-    """Threads that work on maps and pairs, at least 1; the result does not depend on it."""
+    """Threads or processes that work on maps and pairs, at least 1; the result does not depend on it."""
     reference: str | None = None
     """Name of the reference map; None: the first map."""
     resolution_m: float | None = None
