@@ -17,11 +17,17 @@ def one_opencv_thread():
     cv2.setNumThreads(before)
 
 
+@pytest.fixture
+def alone(one_opencv_thread, monkeypatch):
+    """As if no other test had left a thread."""
+    monkeypatch.setattr("merger.robust.forks.threading.active_count", lambda: 1)
+
+
 def quiet(stage: str, done: int, total: int) -> None:
     pass
 
 
-@pytest.mark.usefixtures("one_opencv_thread")
+@pytest.mark.usefixtures("alone")
 @pytest.mark.parametrize("workers", [1, 2, 3, 20])
 @pytest.mark.parametrize("count", [0, 1, 2, 7])
 def test_answers_come_in_the_order_of_the_items(workers: int, count: int) -> None:
@@ -31,14 +37,14 @@ def test_answers_come_in_the_order_of_the_items(workers: int, count: int) -> Non
     ]
 
 
-@pytest.mark.usefixtures("one_opencv_thread")
+@pytest.mark.usefixtures("alone")
 def test_work_is_shared_among_processes() -> None:
     processes = map_in_forks(lambda _: os.getpid(), range(6), 3, "pairs", quiet)
     assert len(set(processes)) == 3
     assert processes[2] == processes[5] == os.getpid()
 
 
-@pytest.mark.usefixtures("one_opencv_thread")
+@pytest.mark.usefixtures("alone")
 def test_progress_rises_to_the_end() -> None:
     told: list[int] = []
     map_in_forks(lambda item: item, range(7), 2, "pairs", lambda stage, done, total: told.append(done))
@@ -46,7 +52,7 @@ def test_progress_rises_to_the_end() -> None:
     assert told[-1] == 7
 
 
-@pytest.mark.usefixtures("one_opencv_thread")
+@pytest.mark.usefixtures("alone")
 @pytest.mark.parametrize("bad", [0, 1], ids=["in a child", "in the parent"])
 def test_an_error_is_raised_where_the_work_was_asked_for(bad: int) -> None:
     def work(item: int) -> int:
@@ -58,7 +64,7 @@ def test_an_error_is_raised_where_the_work_was_asked_for(bad: int) -> None:
         map_in_forks(work, range(4), 2, "pairs", quiet)
 
 
-@pytest.mark.usefixtures("one_opencv_thread")
+@pytest.mark.usefixtures("alone")
 def test_a_process_that_is_killed_is_told() -> None:
     parent = os.getpid()
 
