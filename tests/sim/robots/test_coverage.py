@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from sim.buildings.free_space import measure_free_space
 from sim.buildings.grid_paths import grid_graph, search_nearest
 from sim.buildings.plan import box
-from sim.buildings.world import World, read_world
+from sim.buildings.world import World
 from sim.robots.coverage import CoverageConfig, Roadmap, more_visits, plan_tours, spread_places
 from sim.robots.errands import tour_errands
 from sim.robots.routing import Router
@@ -18,17 +18,6 @@ from sim.robots.tour import shorten_tour
 from sim.robots.work import place_robots
 
 RADIUS_M = 0.3
-
-
-@pytest.fixture(scope="module")
-def world() -> World:
-    return read_world("tim")
-
-
-@pytest.fixture(scope="module")
-def router(world: World) -> Router:
-    space = measure_free_space(world.segments)
-    return Router(space, space.reachable(world.starts[0], RADIUS_M), RADIUS_M)
 
 
 def length(distance: np.ndarray, tour: np.ndarray) -> float:

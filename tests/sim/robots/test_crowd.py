@@ -4,25 +4,13 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from sim.buildings.free_space import measure_free_space
-from sim.buildings.world import World, read_world
+from sim.buildings.world import World
 from sim.robots.crowd import Crowd
 from sim.robots.drive import DriveConfig, drive
 from sim.robots.people import PeopleConfig
 from sim.robots.routing import Router
 
 RADIUS_M, STEP_S, NUM_STEPS = 0.3, 0.05, 1200
-
-
-@pytest.fixture(scope="module")
-def world() -> World:
-    return read_world("tim")
-
-
-@pytest.fixture(scope="module")
-def router(world: World) -> Router:
-    space = measure_free_space(world.segments)
-    return Router(space, space.reachable(world.starts[0], RADIUS_M), RADIUS_M)
 
 
 def walk(router: Router, num_people: int, robots: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
