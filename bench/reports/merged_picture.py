@@ -34,6 +34,8 @@ def draw_merge(maps: Sequence[GridMap], T_world_map: Array, raster: Raster) -> P
     for k in map(int, np.flatnonzero(np.isfinite(T_world_map).all(axis=(1, 2)))):
         sheet = make_sheet(maps[k])
         window, part = _window_of(sheet, T_world_map[k], raster)
+        if not part.rows or not part.cols:  # it lies outside
+            continue
         occupied, free = count_votes([sheet], T_world_map[k : k + 1], part)
         shown = paint[window]
         shown[(free > 0) & (shown == 0)] = 1

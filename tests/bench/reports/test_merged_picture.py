@@ -57,3 +57,13 @@ def test_the_last_map_with_a_wall_at_a_place_is_seen_there(dataset: Dataset, lef
     assert [len(colours) for colours in seen] == [1] * len(shown)
     assert len(np.unique(np.concatenate(seen), axis=0)) == len(shown)
     assert (image[walls < 0][:, 3] < 255).all()
+
+
+@pytest.mark.parametrize("distance_m", [1e3, 1e9, 1e300])
+def test_a_map_far_outside_the_picture_is_not_seen(dataset: Dataset, distance_m: float) -> None:
+    T_far, T_gone = (dataset.truth.T_world_map.copy() for _ in range(2))
+    T_far[1] = se2.make_motion(-distance_m, distance_m, 1.0)
+    T_gone[1] = np.nan
+    raster = frame_of(dataset.maps, dataset.truth.T_world_map)
+    far, gone = (draw_merge(dataset.maps, T, raster) for T in (T_far, T_gone))
+    assert (far.cells == gone.cells).all()
