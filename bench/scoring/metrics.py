@@ -79,7 +79,7 @@ def placement_errors(
     """
     count = len(T_world_map)
     error_m, error_deg = np.full(count, np.nan), np.full(count, np.nan)
-    frames = np.full((count, 3, 3), np.nan)
+    frames, wrong = np.full((count, 3, 3), np.nan), np.zeros(count, dtype=bool)
     for number in np.unique(component[placed]):
         members = np.flatnonzero(placed & (component == number))
         if len(members) < 2:
@@ -87,7 +87,8 @@ def placement_errors(
         frame = fit_frame(T_world_map[members], T_ref_map[members])
         error_m[members], error_deg[members] = motion_errors(T_world_map[members], frame @ T_ref_map[members])
         frames[members] = frame
-    wrong = (error_m > WRONG_ABOVE_M) | (error_deg > WRONG_ABOVE_DEG)
+        within = (error_m[members] <= WRONG_ABOVE_M) & (error_deg[members] <= WRONG_ABOVE_DEG)
+        wrong[members] = ~within  # also where a motion is too large for its error to be a number
     return PlacementErrors(error_m, error_deg, wrong, frames)
 
 
@@ -150,7 +151,7 @@ def align_poses(T_world_map: Array, T_ref_map: Array) -> Array:
 
 def _refit(T_world_ref: Array, T_world_map: Array, T_ref_map: Array) -> tuple[Array, npt.NDArray[np.bool_], float]:
     within, cost = _within(T_world_ref, T_world_map, T_ref_map)
-    for _ in range(_REFITS):
+    for _ in range(_REFITS if within.any() else 0):  # none: so far away that rounding hides even its own place
         refitted = align_poses(T_world_map[within], T_ref_map[within])
         now_within, now_cost = _within(refitted, T_world_map, T_ref_map)
         if now_within.sum() < within.sum():

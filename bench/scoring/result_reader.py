@@ -6,6 +6,7 @@ with a reason that becomes a row of the table.
 
 import json
 import math
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from bench.scoring.prediction import PredictedPair, Prediction
 from merger import se2
 
 _STATUSES = ("reliable", "rejected", "no_match")
+_LARGEST = 2**63 - 1
 
 
 class PredictionError(ValueError):
@@ -53,8 +55,8 @@ def read_prediction(path: Path, names: Sequence[str]) -> Prediction:
         component=np.array([_integer(e, "component", n) for e, n in zip(entries, names, strict=True)], dtype=np.int64),
         T_ref_map=_stack([m if p else None for m, p in zip(motions, placed, strict=True)]),
         T_ref_map_initial=_stack(initial),
-        confidence=np.array([_number(e.get("confidence"), "confidence") for e in entries]),
-        reasons=tuple(None if e.get("reason") is None else str(e["reason"]) for e in entries),
+        confidence=np.array([_confidence(e, n) for e, n in zip(entries, names, strict=True)]),
+        reasons=tuple(_reason(e) for e in entries),
         pairs=tuple(_pair(p, list(names)) for p in _list(document, "pairs")),
         stages_s={k: _number(v, k) for k, v in _optional_mapping(document, "runtime_s").items()},
     )
@@ -71,6 +73,8 @@ def _read_document(path: Path) -> dict[str, Any]:
         document = json.loads(text)
     except json.JSONDecodeError as error:
         raise PredictionError(f"result.json is not JSON (line {error.lineno}: {error.msg})") from None
+    except RecursionError:
+        raise PredictionError("result.json is nested too deeply") from None
     if not isinstance(document, dict):
         raise PredictionError("result.json is not an object")
     if document.get("schema") != 1:
@@ -105,16 +109,32 @@ def _boolean(entry: dict[str, Any], key: str, name: str) -> bool:
 
 def _integer(entry: dict[str, Any], key: str, name: str) -> int:
     value = entry.get(key)
-    if isinstance(value, bool) or not isinstance(value, int):
-        raise PredictionError(f"result.json: '{key}' of map '{name}' must be an integer, got {value!r}")
+    if isinstance(value, bool) or not isinstance(value, int) or abs(value) > _LARGEST:
+        raise PredictionError(f"result.json: '{key}' of map '{name}' must be an integer of 63 bits, got {value!r:.40}")
     return value
+
+
+def _confidence(entry: dict[str, Any], name: str) -> float:
+    value = _number(entry.get("confidence"), "confidence")
+    if not (math.isnan(value) or 0.0 <= value <= 1.0):
+        raise PredictionError(f"result.json: 'confidence' of map '{name}' must be within [0, 1], got {value:g}")
+    return value
+
+
+def _reason(entry: dict[str, Any]) -> str | None:
+    """A reason as one line that every file can hold; none where there is none."""
+    value = entry.get("reason")
+    if value is None:
+        return None
+    line = " ".join(str(value).encode("utf-8", "replace").decode("utf-8").split())
+    return "".join(letter for letter in line if letter.isprintable())
 
 
 def _number(value: object, key: str) -> float:
     if value is None:
         return math.nan
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise PredictionError(f"result.json: '{key}' must be a finite number, got {value!r}")
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= sys.float_info.max:
+        raise PredictionError(f"result.json: '{key}' must be a finite number, got {value!r:.40}")
     return float(value)
 
 
@@ -146,7 +166,7 @@ def _pair(entry: dict[str, Any], names: list[str]) -> PredictedPair:
         target=names.index(target),
         source=names.index(source),
         status=str(status),
-        reason=None if entry.get("reason") is None else str(entry["reason"]),
+        reason=_reason(entry),
         T_target_source=_motion(entry, "T_target_source", label),
         num_matches=_number(entry.get("num_matches"), "num_matches"),
         num_inliers=_number(entry.get("num_inliers"), "num_inliers"),

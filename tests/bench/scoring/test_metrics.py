@@ -50,6 +50,16 @@ def test_one_map_shifted_by_a_metre_is_wrong_and_the_rest_is_not(moved: int) -> 
     assert errors.error_m[moved] == pytest.approx(1.0, abs=1e-9)
 
 
+@pytest.mark.parametrize("distance_m", [1e17, 1e300, 1.7e308])
+def test_maps_so_far_away_that_rounding_hides_their_places_are_wrong(distance_m: float) -> None:
+    truth = draw_motions(3)
+    estimate = truth.copy()
+    estimate[:, 0, 2] += distance_m
+    with np.errstate(over="ignore", invalid="ignore"):
+        errors = metrics.placement_errors(truth, ALL, ONE, estimate)
+    assert errors.wrong.sum() >= 5
+
+
 def test_a_map_turned_by_three_degrees_is_wrong() -> None:
     truth = draw_motions(4)
     estimate = truth.copy()

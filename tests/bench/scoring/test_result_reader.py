@@ -57,6 +57,7 @@ def _with(document: dict[str, Any], value: object, *path: str) -> dict[str, Any]
     ("break_it", "reason"),
     [
         (lambda d: "{", "not JSON"),
+        (lambda d: "[" * 100_000, "nested too deeply"),
         (lambda d: [], "not an object"),
         (lambda d: _with(d, 2, "schema"), "schema must be 1"),
         (lambda d: _without(d, "maps", "map_01"), "partial: it leaves out map_01"),
@@ -64,6 +65,9 @@ def _with(document: dict[str, Any], value: object, *path: str) -> dict[str, Any]
         (lambda d: _with(d, None, "maps", "map_00", "T_ref_map"), "placed but has no T_ref_map"),
         (lambda d: _with(d, "yes", "maps", "map_00", "placed"), "must be true or false"),
         (lambda d: _without(d, "maps", "map_00", "component"), "must be an integer"),
+        (lambda d: _with(d, 2**70, "maps", "map_00", "component"), "must be an integer"),
+        (lambda d: _with(d, -0.5, "maps", "map_00", "confidence"), r"within \[0, 1\], got -0.5"),
+        (lambda d: _with(d, 10**400, "maps", "map_00", "T_ref_map", "x"), "finite number"),
         (lambda d: _with(d, {"x": 1.0, "y": 0.0}, "maps", "map_00", "T_ref_map"), "must be {x, y, theta}"),
         (lambda d: _with(d, {"x": "1", "y": 0, "theta": 0}, "maps", "map_00", "T_ref_map"), "finite number"),
         (lambda d: _with(d, [{"target": "map_00", "source": "z"}], "pairs"), "unknown map"),
@@ -73,3 +77,9 @@ def _with(document: dict[str, Any], value: object, *path: str) -> dict[str, Any]
 def test_what_is_malformed_or_partial_is_refused_with_its_reason(read, result_document, break_it, reason) -> None:
     with pytest.raises(PredictionError, match=reason):
         read(break_it(result_document(NAMES, MOTIONS)))
+
+
+def test_a_reason_becomes_one_line_that_every_file_can_hold(read, result_document) -> None:
+    said = "no\n match \x1b[31m\ud800 <b>"
+    prediction = read(_with(result_document(NAMES, MOTIONS), said, "maps", "map_01", "reason"))
+    assert prediction.reasons == (None, "no match [31m? <b>")
