@@ -17,7 +17,8 @@ from bench.mergers.isolation import Limits, run_isolated
 from bench.mergers.map_cache import write_map_cache
 from bench.mergers.methods import ordered_maps, preload_of, python_methods, run_method
 from bench.mergers.servers import Preload, find_server
-from bench.scoring.result_reader import PredictionError, read_prediction
+from bench.scoring.result_document import PredictionError
+from bench.scoring.result_reader import read_prediction
 from bench.scoring.scores import score_failure, score_result
 from bench.scoring.yardstick import Yardstick, make_yardstick
 from bench.scoring.yardstick_file import encode_yardstick, read_yardstick

@@ -17,10 +17,12 @@ from bench.gates.comparison import Comparison, compare_rows
 from bench.gates.rows import GateRow, make_row, read_rows
 from bench.gates.tolerances import COSTS, change_tolerances
 from bench.mergers import external
-from bench.mergers.fork_server import Skipped
+from bench.mergers.fork_server import Failed, Skipped
 from bench.mergers.merger_call import Merger, merger_command
 from bench.mergers.reference_workload import time_reference
-from bench.scoring.result_reader import PredictionError, read_prediction
+from bench.mergers.workspace import make_workspace
+from bench.scoring.result_document import PredictionError
+from bench.scoring.result_reader import read_prediction
 from bench.scoring.score_rows import Score
 from bench.scoring.scores import score_failure, score_result
 from bench.scoring.yardstick import make_yardstick
@@ -93,11 +95,12 @@ def score_on_dataset(config: MergeGateConfig, folder: Path, work: Path) -> GateR
     dataset, out = read_dataset(folder), work / folder.name
     out.mkdir(parents=True)
     try:
-        fields = external.call_command(config.full_command, sorted((folder / "maps").glob("*.yaml")), out)
+        with make_workspace(out) as place:
+            fields = external.call_command(config.full_command, sorted((folder / "maps").glob("*.yaml")), place)
         outcome = Outcome("ok", reference_s=time_reference(), **fields)
         answer = read_prediction(out / "result.json", dataset.truth.names)
         score, _, _ = score_result(make_yardstick(dataset), answer, outcome)
-    except (Skipped, RuntimeError, PredictionError) as error:
+    except (Skipped, Failed, PredictionError) as error:
         status = "skipped" if isinstance(error, Skipped) else "failed"
         score = score_failure(len(dataset.maps), Outcome(status, str(error)))
     seed = json.loads((folder / "dataset.json").read_text(encoding="utf-8"))["seed"]

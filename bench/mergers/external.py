@@ -1,19 +1,22 @@
 """Anybody's merger as a command: ``prog {maps} {out}`` reads a folder of maps and writes ``result.json``."""
 
 import importlib
+import os
 import resource
 import shlex
 import shutil
+import signal
 import subprocess
-import tempfile
+import threading
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from bench.mergers.environment import original_environment
-from bench.mergers.fork_server import Skipped
+from bench.mergers.fork_server import Failed, Skipped
 from bench.mergers.lifeline import die_with_parent
+from bench.one_line import one_line
 
 PLACEHOLDERS = ("{maps}", "{out}")
 """What a command must contain."""
@@ -23,6 +26,9 @@ SKIP_STATUS = 77
 """Exit status of a command that cannot run here (as in Automake); its last line on stderr is the reason."""
 _ORDER = "order.txt"
 _TAIL_BYTES = 4096
+_CHUNK_BYTES = 1 << 16
+_LAST_WORDS_S = 0.2
+"""For which the end of stderr is awaited once a command has ended: something it started may hold it open."""
 
 
 def check_command(command: str) -> None:
@@ -40,37 +46,36 @@ def check_command(command: str) -> None:
         raise ValueError(f"method.command must contain {' and '.join(missing or PLACEHOLDERS)}, got {command!r}")
 
 
-def call_command(command: str, maps: Sequence[Path], out: Path) -> dict[str, Any]:
+def call_command(command: str, maps: Sequence[Path], work: Path) -> dict[str, Any]:
     """Run an external method on copies of the maps, alone in a folder: the truth is nowhere near.
 
-    The folder holds the maps' YAML and image files; beside it lies ``order.txt``, their names in the order in which a
+    ``{maps}`` holds the maps' YAML and image files; beside it lies ``order.txt``, their names in the order in which a
     sequential method is to take them.
 
     Args:
         command: The command, split as a shell would, with ``{maps}`` and ``{out}``.
         maps: YAML files of the maps, in order.
-        out: Where it may write; ``result.json`` is read from there.
+        work: A folder from `bench.mergers.workspace`, in which ``{out}`` is ``out``.
 
     Returns:
         Its time and peak memory.
 
     Raises:
         Skipped: it ended with status 77.
-        RuntimeError: it could not be started, or ended with another status than 0 (or 1, with a ``result.json``).
+        Failed: it could not be started, or ended with another status than 0 (or 1, with a ``result.json``).
     """
-    with tempfile.TemporaryDirectory(prefix="mapmerge-") as folder:
-        copies = Path(folder) / "maps"
-        _copy_maps(maps, copies)
-        places = {"{maps}": str(copies), "{out}": str(out.absolute()), SCANS: str(_scans(command, maps, Path(folder)))}
-        words = [_fill_in(word, places) for word in shlex.split(command)]
-        start, start_cpu_s = time.perf_counter(), _children_cpu_s()
-        status, last_line = _run(words, Path(folder))
-        fields = {"wall_s": time.perf_counter() - start, "cpu_s": _children_cpu_s() - start_cpu_s}
+    copies, out = work / "maps", work / "out"
+    _copy_maps(maps, copies)
+    places = {"{maps}": str(copies), "{out}": str(out), SCANS: str(_scans(command, maps, work))}
+    words = [_fill_in(word, places) for word in shlex.split(command)]
+    start, start_cpu_s = time.perf_counter(), _children_cpu_s()
+    status, last_line = _run(words)
+    fields = {"wall_s": time.perf_counter() - start, "cpu_s": _children_cpu_s() - start_cpu_s}
     if status == SKIP_STATUS:
         raise Skipped(last_line or "the command says that it cannot run here")
     answered = status == 0 or (status == 1 and (out / "result.json").is_file())  # 1: nothing could be merged
     if not answered:
-        raise RuntimeError(f"the command ended with exit status {status}" + (f": {last_line}" if last_line else ""))
+        raise Failed(f"the command ended with {_ending(status)}" + (f": {last_line}" if last_line else ""))
     peak_mb = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024.0
     return fields | {"peak_memory_mb": peak_mb}
 
@@ -104,28 +109,37 @@ def _fill_in(word: str, places: dict[str, str]) -> str:
     return word
 
 
-def _run(words: list[str], folder: Path) -> tuple[int, str]:
+def _run(words: list[str]) -> tuple[int, str]:
     """Run a command to its end: its exit status and the last line that it wrote to stderr."""
-    log = folder / "stderr.txt"
     try:
-        with log.open("wb") as stderr:
-            done = subprocess.run(
-                words,
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=stderr,
-                check=False,
-                env=original_environment() | {"PYTHONDONTWRITEBYTECODE": "1"},
-                preexec_fn=die_with_parent,  # the calling process has one thread
-            )
+        process = subprocess.Popen(
+            words,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            env=original_environment() | {"PYTHONDONTWRITEBYTECODE": "1"},
+            preexec_fn=die_with_parent,  # noqa: PLW1509  # the thread below does not run yet
+        )
     except OSError as error:
-        raise RuntimeError(f"the command cannot be started: {error.strerror}: {words[0]}") from None
-    return done.returncode, _last_line(log)
+        raise Failed(f"the command cannot be started: {error.strerror}: {words[0]}") from None
+    tail = bytearray()
+    reader = threading.Thread(target=_keep_tail, args=(process.stderr, tail), daemon=True)
+    reader.start()
+    status = process.wait()
+    reader.join(_LAST_WORDS_S)
+    lines = tail.decode("utf-8", errors="replace").strip().splitlines()
+    return status, one_line(lines[-1], 300) if lines else ""
 
 
-def _last_line(log: Path) -> str:
-    """The last line of a file, from its last kilobytes: a program may have written any amount."""
-    with log.open("rb") as file:
-        file.seek(max(log.stat().st_size - _TAIL_BYTES, 0))
-        lines = file.read().decode("utf-8", errors="replace").strip().splitlines()
-    return " ".join(lines[-1].split())[:300] if lines else ""
+def _keep_tail(stream: IO[bytes], tail: bytearray) -> None:
+    """Read a stream to its end, and keep its last kilobytes: a program may write any amount."""
+    while chunk := os.read(stream.fileno(), _CHUNK_BYTES):
+        tail += chunk
+        del tail[:-_TAIL_BYTES]
+
+
+def _ending(status: int) -> str:
+    if status >= 0:
+        return f"exit status {status}"
+    names = {number.value: number.name for number in signal.Signals}
+    return f"exit status {status} ({names.get(-status, 'a signal')})"

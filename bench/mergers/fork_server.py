@@ -20,6 +20,8 @@ from multiprocessing.connection import Connection
 from typing import Any, NoReturn
 
 from bench.mergers.lifeline import adopt_orphans, children_of, die_with_parent, end_family, kill
+from bench.mergers.workspace import remove_workspaces
+from bench.one_line import one_line
 
 STATUS = struct.Struct("i")
 """What the server says of a call on its status pipe: first the process's id, then how it ended (negative: a signal)."""
@@ -34,6 +36,10 @@ class Skipped(Exception):  # noqa: N818  # it is no error, it is an answer
     """Raised by a call that cannot run here, because something optional is missing; the message says what."""
 
 
+class Failed(Exception):  # noqa: N818  # as above
+    """Raised by a call that gives no answer; the message is the whole reason."""
+
+
 def serve(control_fd: int, modules: Iterable[str]) -> None:
     """Import modules, then fork a process for every call, until nobody is left to ask.
 
@@ -42,6 +48,7 @@ def serve(control_fd: int, modules: Iterable[str]) -> None:
             answered (`multiprocessing.connection`), and a pipe for `STATUS`.
         modules: What is imported first; what is not installed is left out.
     """
+    asker = os.getppid()
     adopt_orphans()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     for name in modules:
@@ -51,6 +58,7 @@ def serve(control_fd: int, modules: Iterable[str]) -> None:
         control.send(READY)
         _serve_calls(control)
     end_family()
+    remove_workspaces(asker)
 
 
 def _serve_calls(control: socket.socket) -> None:
@@ -138,8 +146,10 @@ def _answer(connection: "Connection[Any, Any]") -> Answer:
         own_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
         return "ok", None, {"peak_memory_mb": own_mb} | fields
     except Skipped as reason:
-        return "skipped", str(reason), {}
+        return "skipped", one_line(str(reason)), {}
+    except Failed as reason:
+        return "failed", str(reason), {}
     except MemoryError:
         return "failed", "out of memory", {}
     except Exception as error:  # noqa: BLE001  # whatever a method raises is its answer
-        return "failed", " ".join(f"{type(error).__name__}: {error}".split())[:500], {}
+        return "failed", one_line(f"{type(error).__name__}: {error}"), {}

@@ -21,6 +21,7 @@ from bench.mergers.isolation import Limits, run_isolated
 from bench.mergers.map_cache import read_cached_maps
 from bench.mergers.reference_workload import time_reference
 from bench.mergers.servers import Preload
+from bench.mergers.workspace import make_workspace
 from merger.files.result_json import to_json_dict
 from merger.grid_map import GridMap
 from merger.pipeline import MergeConfig, merge_maps
@@ -76,7 +77,8 @@ def run_method(spec: MethodSpec, maps: Sequence[Path], seed: int, out: Path, cac
     limits = Limits(spec.time_limit_s, spec.memory_limit_mb)
     if spec.kind is not MethodKind.EXTERNAL:
         return run_isolated(call_method, (spec, maps, seed, out, cache), limits, preload_of(spec))
-    outcome = run_isolated(external.call_command, (spec.target, maps, out), limits, preload_of(spec))
+    with make_workspace(out) as work:
+        outcome = run_isolated(external.call_command, (spec.target, maps, work), limits, preload_of(spec))
     return dataclasses.replace(outcome, reference_s=time_reference()) if outcome.status == "ok" else outcome
 
 

@@ -8,7 +8,8 @@ import numpy.typing as npt
 
 from bench.scoring import metrics
 from bench.scoring.prediction import Prediction
-from bench.scoring.result_reader import PredictionError, read_prediction
+from bench.scoring.result_document import PredictionError
+from bench.scoring.result_reader import read_prediction
 from bench.stages import ScoredCell
 from sim.datasets.dataset import Dataset, read_dataset
 

@@ -42,6 +42,13 @@ def motion_of(entry):
     return se2.make_motion(*(entry["T_ref_map"][key] for key in ("x", "y", "theta")))
 
 
+def answer_of(name, maps, work):
+    """What a shipped method writes for the maps of a folder."""
+    (work / "out").mkdir(parents=True)
+    call_command(shipped_command(name), sorted(maps.glob("*.yaml")), work)
+    return json.loads((work / "out" / "result.json").read_text())
+
+
 def picture(rng):
     """Walls that are nowhere the same, as a map that corner detectors like."""
     cells = np.full((400, 400), -2.0, dtype=np.float32)
@@ -63,7 +70,7 @@ def test_a_method_that_is_not_installed_is_skipped_and_says_what_to_install(name
     if {"open3d": has_open3d, "mrpt": has_mrpt}[name]():
         pytest.skip("it is installed")
     with pytest.raises(Skipped, match="not installed"):
-        call_command(shipped_command(name), sorted((dataset.path / "maps").glob("*.yaml")), tmp_path)
+        answer_of(name, dataset.path / "maps", tmp_path)
 
 
 def test_the_status_for_skipping_is_the_same_everywhere():
@@ -79,8 +86,7 @@ def test_the_stitcher_finds_the_motion_between_two_parts_of_one_map(tmp_path):
     for k, (columns, T) in enumerate(zip([slice(0, 280), slice(120, 400)], T_world, strict=True)):
         corner = se2.make_motion(columns.start * 0.05, 0.0, 0.0)
         write_map(tmp_path / "maps" / f"m{k}.yaml", GridMap(f"m{k}", cells[:, columns].copy(), 0.05, T @ corner))
-    call_command(shipped_command("stitcher"), sorted((tmp_path / "maps").glob("*.yaml")), tmp_path)
-    maps = json.loads((tmp_path / "result.json").read_text())["maps"]
+    maps = answer_of("stitcher", tmp_path / "maps", tmp_path / "work")["maps"]
     motions = [motion_of(maps[name]) for name in ("m0", "m1")]
     found = se2.invert(motions[0]) @ motions[1]
     np.testing.assert_allclose(found, T_world[0] @ se2.invert(T_world[1]), atol=0.03)
@@ -111,8 +117,7 @@ def test_open3d_chains_the_fittest_edges_and_numbers_components_by_their_first_m
 
 @pytest.mark.skipif(not has_open3d(), reason="Open3D is not installed")
 def test_open3d_places_the_maps_of_a_small_building(dataset, tmp_path):
-    call_command(shipped_command("open3d"), sorted((dataset.path / "maps").glob("*.yaml")), tmp_path)
-    assert json.loads((tmp_path / "result.json").read_text())["schema"] == 1
+    assert answer_of("open3d", dataset.path / "maps", tmp_path)["schema"] == 1
 
 
 def test_mrpt_moves_all_poses_of_a_log_and_nothing_else():
@@ -155,8 +160,7 @@ def test_mrpt_runs_with_its_example_settings_but_draws_no_pictures(monkeypatch, 
 
 @pytest.mark.skipif(not has_mrpt(), reason="mrpt-apps is not installed")
 def test_mrpt_answers_for_every_map(dataset, tmp_path):
-    call_command(shipped_command("mrpt"), sorted((dataset.path / "maps").glob("*.yaml")), tmp_path)
-    assert len(json.loads((tmp_path / "result.json").read_text())["maps"]) == len(dataset.maps)
+    assert len(answer_of("mrpt", dataset.path / "maps", tmp_path)["maps"]) == len(dataset.maps)
 
 
 def test_the_scans_of_a_submap_end_on_the_walls_of_its_map(dataset, tmp_path):

@@ -1,6 +1,7 @@
 """A ``result.json`` is believed only when it is whole."""
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -8,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.scoring.result_reader import PredictionError, read_prediction
+from bench.scoring.result_document import MAX_BYTES, PredictionError
+from bench.scoring.result_reader import read_prediction
 from merger import se2
 
 NAMES = ("map_00", "map_01")
@@ -58,7 +60,10 @@ def _with(document: dict[str, Any], value: object, *path: str) -> dict[str, Any]
     [
         (lambda d: "{", "not JSON"),
         (lambda d: "[" * 100_000, "nested too deeply"),
+        (lambda d: f'{{"schema": 1, "maps": {"9" * 5000}}}', "cannot be read"),
+        (lambda d: json.dumps(d).replace('"maps"', '"schema": 1, "maps"'), "has the key 'schema' twice"),
         (lambda d: [], "not an object"),
+        (lambda d: _with(d, True, "schema"), "schema must be 1"),
         (lambda d: _with(d, 2, "schema"), "schema must be 1"),
         (lambda d: _without(d, "maps", "map_01"), "partial: it leaves out map_01"),
         (lambda d: _with(d, {}, "maps", "map_09"), "not given: map_09"),
@@ -82,4 +87,26 @@ def test_what_is_malformed_or_partial_is_refused_with_its_reason(read, result_do
 def test_a_reason_becomes_one_line_that_every_file_can_hold(read, result_document) -> None:
     said = "no\n match \x1b[31m\ud800 <b>"
     prediction = read(_with(result_document(NAMES, MOTIONS), said, "maps", "map_01", "reason"))
-    assert prediction.reasons == (None, "no match [31m? <b>")
+    assert prediction.reasons == (None, "no match <b>")
+
+
+def test_a_name_that_fills_a_page_is_shortened_in_the_reason(read, result_document) -> None:
+    with pytest.raises(PredictionError) as refused:
+        read(_with(result_document(NAMES, MOTIONS), "x" * 10_000, "maps", "map_00", "placed"))
+    assert len(str(refused.value)) < 200
+
+
+@pytest.mark.parametrize(
+    ("make", "reason"),
+    [
+        (lambda path: path.symlink_to("/dev/zero"), "no regular file"),
+        (os.mkfifo, "no regular file"),
+        (Path.mkdir, "no regular file"),
+        (lambda path: path.write_bytes(b"\xff"), "UnicodeDecodeError"),
+        (lambda path: os.truncate(path.open("w").name, MAX_BYTES + 1), "too large"),
+    ],
+)
+def test_what_would_never_end_is_not_read(tmp_path: Path, make: Callable[[Path], None], reason: str) -> None:
+    make(tmp_path / "result.json")
+    with pytest.raises(PredictionError, match=reason):
+        read_prediction(tmp_path / "result.json", NAMES)
