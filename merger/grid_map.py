@@ -6,7 +6,7 @@ corner of the lower-left cell, x along the columns and y along the rows: cell (r
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +17,11 @@ OCCUPIED_PROBABILITY = 0.65
 """A cell above it is occupied (map_server's ``occupied_thresh``)."""
 FREE_PROBABILITY = 0.196
 """A cell below it is free (map_server's ``free_thresh``; at 0.25 the grey of "unknown" would load as free)."""
+
+_RESOLUTION_RANGE_M = (0.001, 100.0)
+"""Finest and coarsest side of a cell: beyond, units have been mistaken."""
+_FARTHEST_M = 1e8
+"""Where a grid may lie: farther away its cells would have no exact places."""
 
 LOG_ODDS_OCCUPIED = 2.0
 """Log-odds given to an occupied cell of a trinary map."""
@@ -29,8 +34,8 @@ class GridMap:
     """An occupancy grid with its name and its place in the frame ``map``.
 
     Raises:
-        ValueError: the cells are not a finite, non-empty 2D array, the resolution is not a positive number, or
-            ``T_map_grid`` is not a rigid motion.
+        ValueError: the name is no text, the cells are not a finite, non-empty 2D array, the resolution is out of its
+            range, or ``T_map_grid`` is not a rigid motion or leads out of reach.
     """
 
     name: str
@@ -38,21 +43,25 @@ class GridMap:
     log_odds: npt.NDArray[np.float32]
     """(H, W) log-odds of occupancy, row 0 at the smallest y of frame ``grid``; 0 is unknown."""
     resolution_m: float
-    """Side of a cell, metres."""
+    """Side of a cell, metres, in [0.001, 100]."""
     T_map_grid: npt.NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
     """(3, 3) pose of the grid's lower-left corner in frame ``map``: the YAML's ``origin``, yaw included."""
 
     def __post_init__(self) -> None:
         """Refuse what is no grid."""
+        if any("\ud800" <= letter <= "\udfff" for letter in self.name):
+            raise ValueError(f"map {self.name!a}: its name is not in UTF-8")
         if self.log_odds.ndim != 2 or self.log_odds.size == 0:
             raise ValueError(f"map '{self.name}': cells must be a non-empty 2D array, got shape {self.log_odds.shape}")
         if not np.isfinite(self.log_odds).all():
             raise ValueError(f"map '{self.name}': log-odds must be finite")
-        if not (math.isfinite(self.resolution_m) and self.resolution_m > 0.0):
-            raise ValueError(f"map '{self.name}': resolution must be > 0 m, got {self.resolution_m}")
+        if fault := resolution_fault(self.resolution_m):
+            raise ValueError(f"map '{self.name}': {fault}")
         R = self.T_map_grid[:2, :2]
         if self.T_map_grid.shape != (3, 3) or not np.allclose(R.T @ R, np.eye(2), atol=1e-6):
             raise ValueError(f"map '{self.name}': T_map_grid must be a (3, 3) rigid motion")
+        if not (np.abs(self.T_map_grid[:2, 2]) <= _FARTHEST_M).all():
+            raise ValueError(f"map '{self.name}': its origin must lie within {_FARTHEST_M:g} m")
 
     @property
     def occupied(self) -> npt.NDArray[np.bool_]:
@@ -89,6 +98,25 @@ class GridMap:
         """
         points_grid = se2.transform_points(se2.invert(self.T_map_grid), points_map)
         return points_grid[..., ::-1] / self.resolution_m
+
+
+def crop_to_known(grid: GridMap) -> GridMap:
+    """Cut off rows and columns without a known cell; a map that knows nothing, or all its borders, stays as it is."""
+    known = grid.log_odds != 0.0
+    rows, cols = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+    if len(rows) == 0 or (int(rows[-1] - rows[0]) + 1, int(cols[-1] - cols[0]) + 1) == known.shape:
+        return grid
+    log_odds = grid.log_odds[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1].copy()
+    T_grid_cropped = se2.make_motion(cols[0] * grid.resolution_m, rows[0] * grid.resolution_m, 0.0)
+    return replace(grid, log_odds=log_odds, T_map_grid=grid.T_map_grid @ T_grid_cropped)
+
+
+def resolution_fault(resolution_m: float) -> str | None:
+    """What is wrong with the side of a cell, metres; None if it can be used."""
+    finest_m, coarsest_m = _RESOLUTION_RANGE_M
+    if finest_m <= resolution_m <= coarsest_m:
+        return None
+    return f"resolution must be in [{finest_m:g}, {coarsest_m:g}] m, got {resolution_m:g}"
 
 
 def logit(probability: float) -> float:

@@ -1,13 +1,16 @@
 """Occupancy grids on disk, in the format of ROS's `map_server`: a YAML beside an image.
 
 Row 0 of the image is the largest y; ``origin`` is the pose (x, y, yaw) of the lower-left corner of the lower-left
-pixel; the image's path is relative to the YAML. Read: the modes ``trinary``, ``scale`` and ``raw``, any image
-that OpenCV decodes, an alpha channel (transparent is unknown). Written: trinary PGM (0 occupied, 254 free, 205
-unknown).
+pixel; the image's path is relative to the YAML. Read: the modes ``trinary``, ``scale`` and ``raw``, in small or
+capital letters, any image that OpenCV decodes, an alpha channel (transparent is unknown). Written: trinary PGM
+(0 occupied, 254 free, 205 unknown).
 """
 
+import json
 import math
 import os
+import re
+import reprlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,10 +22,13 @@ import yaml
 
 from merger import grid_map, se2
 from merger.grid_map import GridMap
+from merger.map_image import decode_image
 from merger.whole_file import write_whole
 
 _PIXEL_OCCUPIED, _PIXEL_FREE, _PIXEL_UNKNOWN = 0, 254, 205
 _MODES = ("trinary", "scale", "raw")
+_LARGEST_YAML = 10_000
+"""Characters; a longer file is no map's, and a deeply nested one would end the process within libyaml."""
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 """Safe, and ten times as fast where libyaml is there."""
 
@@ -53,7 +59,10 @@ def read_map(path: str | os.PathLike[str]) -> GridMap:
     path = Path(path)
     header = _read_header(path)
     log_odds = _log_odds_from_pixels(_read_pixels(path, header)[::-1], header)
-    return GridMap(path.stem, log_odds, header.resolution_m, se2.make_motion(*header.origin))
+    try:
+        return GridMap(path.stem, log_odds, header.resolution_m, se2.make_motion(*header.origin))
+    except ValueError as error:
+        raise MapFileError(f"{path}: {error}") from None
 
 
 def write_map(path: str | os.PathLike[str], grid: GridMap) -> None:
@@ -76,21 +85,27 @@ def encode_map(path: Path, grid: GridMap) -> dict[Path, bytes]:
     image = path.with_suffix(".pgm")
     x, y, yaw = (float(v) for v in se2.parameters_of(grid.T_map_grid))
     header = (
-        f"image: {image.name}\nmode: trinary\nresolution: {grid.resolution_m!r}\norigin: [{x!r}, {y!r}, {yaw!r}]\n"
+        f"image: {_yaml_text(image.name)}\nmode: trinary\n"
+        f"resolution: {grid.resolution_m!r}\norigin: [{x!r}, {y!r}, {yaw!r}]\n"
         f"negate: 0\noccupied_thresh: {grid_map.OCCUPIED_PROBABILITY}\nfree_thresh: {grid_map.FREE_PROBABILITY}\n"
     )
     return {image: b"P5\n%d %d\n255\n" % (cols, rows) + pixels[::-1].tobytes(), path: header.encode()}
 
 
+def _yaml_text(name: str) -> str:
+    """A file's name as YAML reads it: in quotes, unless it is plain."""
+    return name if re.fullmatch(r"\w[\w.-]*( [\w.-]+)*", name) else json.dumps(name, ensure_ascii=False)
+
+
 def _read_header(path: Path) -> _Header:
     document = _read_yaml(path)
     resolution_m = _number(path, document, "resolution")
-    if resolution_m <= 0.0:
-        raise MapFileError(f"{path}: resolution must be > 0, got {resolution_m:g}")
+    if fault := grid_map.resolution_fault(resolution_m):
+        raise MapFileError(f"{path}: {fault}")
     image = document.get("image")
     if not isinstance(image, str) or not image:
         raise MapFileError(f"{path}: field 'image' is missing or not a file name")
-    mode = str(document.get("mode", "trinary"))
+    mode = str(document.get("mode", "trinary")).lower()
     if mode not in _MODES:
         raise MapFileError(f"{path}: mode must be one of {', '.join(_MODES)}, got '{mode}'")
     occupied = _number(path, document, "occupied_thresh", grid_map.OCCUPIED_PROBABILITY)
@@ -110,9 +125,11 @@ def _read_yaml(path: Path) -> dict[str, Any]:
         raise MapFileError(f"{path}: cannot be read ({type(error).__name__})") from None
     if not text.strip():
         raise MapFileError(f"{path}: the file is empty")
+    if len(text) > _LARGEST_YAML:
+        raise MapFileError(f"{path}: too long for a map_server YAML ({len(text)} characters)")
     try:
         document = yaml.load(text, Loader=_LOADER)
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise MapFileError(f"{path}: not YAML ({' '.join(str(error).split())})") from None
     if not isinstance(document, dict):
         raise MapFileError(f"{path}: not a map_server YAML (no fields)")
@@ -125,10 +142,10 @@ def _number(path: Path, document: dict[str, Any], key: str, default: float | Non
         raise MapFileError(f"{path}: field '{key}' is missing")
     try:
         number = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not math.isfinite(number):
-        raise MapFileError(f"{path}: field '{key}' must be a finite number, got '{value}'")
+        raise MapFileError(f"{path}: field '{key}' must be a finite number, got {reprlib.repr(value)}")
     return number
 
 
@@ -143,37 +160,11 @@ def _origin(path: Path, document: dict[str, Any]) -> tuple[float, float, float]:
 def _read_pixels(path: Path, header: _Header) -> npt.NDArray[np.uint8]:
     """The image as (H, W, C) uint8, C = 1 grey or 2 grey and alpha."""
     try:
-        data = header.image.read_bytes()
+        return decode_image(header.image.read_bytes())
     except OSError:
         raise MapFileError(f"{path}: its image {header.image.name} does not exist or cannot be read") from None
-    pixels = _decode(data)
-    if pixels is None:
-        raise MapFileError(f"{path}: its image {header.image.name} is not an image")
-    if pixels.dtype == np.uint16:
-        pixels = (pixels >> 8).astype(np.uint8)
-    if pixels.dtype != np.uint8:
-        raise MapFileError(
-            f"{path}: its image {header.image.name} must have 8 or 16 bits a channel, has {pixels.dtype}"
-        )
-    if pixels.ndim == 2:
-        return pixels[:, :, None]
-    grey = np.rint(pixels[:, :, :3].mean(axis=2)).astype(np.uint8)
-    channels = [grey] if pixels.shape[2] == 3 else [grey, pixels[:, :, 3]]
-    return np.stack(channels, axis=2)
-
-
-def _decode(data: bytes) -> npt.NDArray[Any] | None:
-    """The image; none if there is none, without a word from OpenCV."""
-    if not data:
-        return None
-    level = cv2.utils.logging.getLogLevel()
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-    try:
-        return cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    except cv2.error:
-        return None
-    finally:
-        cv2.utils.logging.setLogLevel(level)
+    except ValueError as error:
+        raise MapFileError(f"{path}: its image {header.image.name} {error}") from None
 
 
 def _log_odds_from_pixels(pixels: npt.NDArray[np.uint8], header: _Header) -> npt.NDArray[np.float32]:

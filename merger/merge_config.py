@@ -1,11 +1,11 @@
 """The settings of a whole merge: one config of each algorithm's file."""
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from merger.compositing import CompositingConfig
 from merger.features import FeatureConfig
+from merger.grid_map import resolution_fault
 from merger.motion_averaging import MotionAveragingConfig
 from merger.pairwise import PairwiseConfig
 from merger.ransac import RansacConfig
@@ -37,7 +37,7 @@ class MergeConfig:
     reference: str | None = None
     """Name of the reference map; None: the first map."""
     resolution_m: float | None = None
-    """Cell side of the merged map, > 0; None: the reference map's."""
+    """Cell side of the merged map, in [0.001, 100]; None: the reference map's."""
     estimate_scale: bool = False
     """Whether maps' stated resolutions may be off by a few per cent, and are estimated (method `robust` only)."""
     composite: bool = True
@@ -72,5 +72,5 @@ class MergeConfig:
             raise ValueError(f"seed must be >= 0, got {self.seed}")
         if self.workers < 1:
             raise ValueError(f"workers must be >= 1, got {self.workers}")
-        if self.resolution_m is not None and not (math.isfinite(self.resolution_m) and self.resolution_m > 0.0):
-            raise ValueError(f"resolution must be > 0 m, got {self.resolution_m}")
+        if self.resolution_m is not None and (fault := resolution_fault(self.resolution_m)):
+            raise ValueError(fault)

@@ -1,4 +1,6 @@
 import json
+import os
+import shutil
 import subprocess
 import sys
 
@@ -112,7 +114,7 @@ def _spoil_image(folder):
 def _spoil_resolution(folder):
     text = (folder / "west.yaml").read_text().replace("resolution: 0.1", "resolution: 0")
     (folder / "west.yaml").write_text(text)
-    return "west.yaml: resolution must be > 0, got 0"
+    return "west.yaml: resolution must be in [0.001, 100] m, got 0"
 
 
 def _spoil_field(folder):
@@ -160,9 +162,9 @@ def test_bad_maps_are_told_in_one_line_and_nothing_is_written(folder, tmp_path, 
         (["{maps}", "--reference", "north"], "the reference 'north' is none of the maps"),
         (["{maps}", "--seed", "-1"], "seed must be >= 0"),
         (["{maps}", "--workers", "0"], "workers must be >= 1"),
-        (["{maps}", "--resolution", "0"], "resolution must be > 0"),
-        (["{maps}", "--resolution", "nan"], "resolution must be > 0"),
-        (["{maps}", "--resolution", "0.0001"], "choose a larger resolution"),
+        (["{maps}", "--resolution", "0"], "resolution must be in [0.001, 100] m, got 0"),
+        (["{maps}", "--resolution", "nan"], "resolution must be in"),
+        (["{maps}", "--resolution", "0.001"], "choose a larger resolution"),
         (["{maps}", "--method", "magic"], "invalid choice: 'magic'"),
         (["{maps}", "--seed", "two"], "invalid int value: 'two'"),
         (["{maps}", "--frobnicate"], "unrecognized arguments: --frobnicate"),
@@ -182,6 +184,27 @@ def test_wrong_usage_is_told_in_one_line_and_nothing_is_written(folder, tmp_path
     assert fault in captured.err
     assert len(captured.err.splitlines()) == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_hidden_files_of_a_folder_are_no_maps(folder, tmp_path):
+    maps = shutil.copytree(folder, tmp_path / "maps")
+    (maps / "._west.yaml").write_bytes(b"\0\5\x16\7")
+    assert main([str(maps), "--out", str(tmp_path / "out"), *_PAPER, "--quiet"]) == 0
+
+
+def test_a_folder_whose_name_is_no_text_can_be_written_to(folder, tmp_path, capsys):
+    out = os.fsdecode(os.fsencode(tmp_path) + b"/\xff")
+    assert main([str(folder), "--out", out, *_PAPER]) == 0
+    assert capsys.readouterr().out.endswith("/\\xff\n")
+
+
+def test_too_little_memory_is_told_in_one_line(folder, tmp_path, capsys, monkeypatch):
+    def fail(*_args, **_options):
+        raise MemoryError
+
+    monkeypatch.setattr("merger.__main__.merge_maps", fail)
+    assert main([str(folder), "--out", str(tmp_path / "out"), *_PAPER]) == 2
+    assert capsys.readouterr().err == "python -m merger: not enough memory (none left)\n"
 
 
 def test_an_out_that_is_a_file_is_refused_before_the_work(folder, tmp_path, capsys):

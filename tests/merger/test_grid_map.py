@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from merger import se2
-from merger.grid_map import LOG_ODDS_FREE, LOG_ODDS_OCCUPIED, GridMap, log_odds_from_probability
+from merger.grid_map import LOG_ODDS_FREE, LOG_ODDS_OCCUPIED, GridMap, crop_to_known, log_odds_from_probability
 from merger.whole_file import write_whole
 
 _CELLS = np.zeros((4, 6), dtype=np.float32)
@@ -46,14 +46,34 @@ def test_the_thresholds_of_a_file_keep_their_meaning():
         (np.zeros((0, 3), dtype=np.float32), 0.1, np.eye(3), r"non-empty 2D array, got shape \(0, 3\)"),
         (np.zeros(3, dtype=np.float32), 0.1, np.eye(3), r"non-empty 2D array, got shape \(3,\)"),
         (np.full((2, 2), np.nan, dtype=np.float32), 0.1, np.eye(3), "log-odds must be finite"),
-        (_CELLS, 0.0, np.eye(3), "resolution must be > 0 m, got 0"),
-        (_CELLS, np.inf, np.eye(3), "resolution must be > 0 m, got inf"),
+        (_CELLS, 0.0, np.eye(3), r"resolution must be in \[0.001, 100\] m, got 0"),
+        (_CELLS, np.inf, np.eye(3), r"resolution must be in \[0.001, 100\] m, got inf"),
         (_CELLS, 0.1, 2 * np.eye(3), "must be a .* rigid motion"),
+        (_CELLS, 0.1, se2.make_motion(0.0, -1e9, 0.0), "its origin must lie within 1e"),
     ],
 )
 def test_what_is_no_grid_is_refused_with_the_name_and_the_fact(cells, resolution_m, T, fault):
     with pytest.raises(ValueError, match=f"map 'kitchen'.*{fault}"):
         GridMap("kitchen", cells, resolution_m, T)
+
+
+def test_a_name_that_is_no_text_is_refused():
+    with pytest.raises(ValueError, match=r"map 'k.*udcff': its name is not in UTF-8"):
+        GridMap("k\udcff", _CELLS, 0.1)
+
+
+def test_cutting_off_the_unknown_leaves_every_known_cell_at_its_place():
+    cells = np.zeros((7, 9), dtype=np.float32)
+    cells[2:5, 3:8] = [[2, 0, 0, 0, 0], [0, 0, -2, 0, 0], [0, 0, 0, 0, 2]]
+    grid = GridMap("a", cells, 0.25, se2.make_motion(4.0, -1.0, 2.5))
+    cropped = crop_to_known(grid)
+    assert cropped.log_odds.shape == (3, 5)
+    for mask in ("occupied", "free"):
+        places = [item.cell_centers(getattr(item, mask)) for item in (grid, cropped)]
+        assert np.allclose(*places, atol=1e-12)
+    assert crop_to_known(cropped) is cropped
+    nothing = GridMap("a", np.zeros((4, 4), dtype=np.float32), 0.1)
+    assert crop_to_known(nothing) is nothing
 
 
 def test_a_file_is_written_whole_or_not_at_all(tmp_path):

@@ -1,3 +1,5 @@
+import os
+
 import cv2
 import numpy as np
 import pytest
@@ -72,6 +74,30 @@ def test_a_negated_map_is_the_map_of_the_negative_image(tmp_path):
     assert (read_map(_write(tmp_path, 255 - pixels, negate=1)).log_odds == plain.log_odds).all()
 
 
+def test_the_mode_may_be_written_in_capitals(tmp_path):
+    pixels = np.array([[0, 100, 128, 255]], dtype=np.uint8)
+    raw = read_map(_write(tmp_path, pixels, mode="raw")).log_odds.tolist()
+    assert read_map(_write(tmp_path, pixels, mode="Raw")).log_odds.tolist() == raw
+
+
+@pytest.mark.parametrize("name", ["a: b", "#1", "'a'", "- x", "1", "étage 地图", "[", 'say "no"', "two\nlines"])
+def test_a_map_of_any_name_is_read_back(tmp_path, name):
+    grid = GridMap(name, np.array([[2.0, -2.0]], dtype=np.float32), 0.1)
+    write_map(tmp_path / f"{name}.yaml", grid)
+    again = read_map(tmp_path / f"{name}.yaml")
+    assert (again.name, again.log_odds.tolist()) == (name, [[2.0, -2.0]])
+
+
+@pytest.mark.parametrize("kind", [2, 5, 3, 6])
+@pytest.mark.parametrize("white", [100, 255, 1000, 65_535])
+def test_the_white_of_a_portable_map_is_what_its_head_says(tmp_path, kind, white):
+    greys = np.rint(np.array([0, 254, 205]) / 255.0 * white).astype(int).repeat(3 if kind in (3, 6) else 1)
+    data = " ".join(map(str, greys)).encode() if kind < 4 else greys.astype(">u2" if white > 255 else "u1").tobytes()
+    path = _write(tmp_path)
+    (tmp_path / "map.pgm").write_bytes(b"P%d\n# 0.050 m/pix\n3 1 %d\n" % (kind, white) + data)
+    assert read_map(path).log_odds.tolist() == [[2.0, -2.0, 0.0]]
+
+
 def test_scale_and_raw_modes_keep_probabilities(tmp_path):
     pixels = np.array([[0, 100, 128, 255]], dtype=np.uint8)
     scale = read_map(_write(tmp_path, pixels, mode="scale")).log_odds[0]
@@ -103,11 +129,14 @@ def test_other_images_colours_and_transparency_are_read(tmp_path, suffix):
         ({"image": None}, "field 'image' is missing"),
         ({"resolution": None}, "field 'resolution' is missing"),
         ({"origin": None}, "field 'origin' is missing"),
-        ({"resolution": 0.0}, "resolution must be > 0, got 0"),
-        ({"resolution": -0.05}, "resolution must be > 0, got -0.05"),
+        ({"resolution": 0.0}, "resolution must be in [0.001, 100] m, got 0"),
+        ({"resolution": -0.05}, "resolution must be in [0.001, 100] m, got -0.05"),
         ({"resolution": "fine"}, "field 'resolution' must be a finite number, got 'fine'"),
         ({"resolution": ".inf"}, "field 'resolution' must be a finite number"),
         ({"origin": [1.0, 2.0]}, "field 'origin' is missing or not a list of three"),
+        ({"resolution": 1e300}, "resolution must be in [0.001, 100] m, got 1e+300"),
+        ({"resolution": "9" * 400}, "field 'resolution' must be a finite number"),
+        ({"origin": [1e300, 2.0, 0.0]}, "its origin must lie within 1e+08 m"),
         ({"origin": "[1.0, 2.0, .nan]"}, "field 'origin' must be a finite number"),
         ({"mode": "colourful"}, "mode must be one of trinary, scale, raw, got 'colourful'"),
         ({"free_thresh": 0.7}, "need 0 <= free_thresh < occupied_thresh <= 1"),
@@ -130,6 +159,9 @@ def test_a_fault_in_the_header_is_told_with_the_file_in_one_line(tmp_path, chang
         ("  \n", "the file is empty"),
         ("- 1\n- 2\n", "not a map_server YAML"),
         ("image: [\n", "not YAML"),
+        ("resolution: 2001-99-99\n", "not YAML"),
+        ("image: " + 100_000 * "[", "too long for a map_server YAML"),
+        ("image: " + 9_000 * "[", "not YAML"),
         (b"\xff\xfe\x00\x01", "cannot be read"),
     ],
 )
@@ -147,6 +179,12 @@ def test_an_image_that_is_not_one_is_refused_by_us_alone(tmp_path, data, capfd):
     with pytest.raises(MapFileError, match=r"its image map\.pgm is not an image"):
         read_map(path)
     assert capfd.readouterr().err == ""
+
+
+def test_a_file_whose_name_is_no_text_is_refused(tmp_path):
+    path = _write(tmp_path).rename(os.fsdecode(os.fsencode(tmp_path) + b"/\xff.yaml"))
+    with pytest.raises(MapFileError, match="its name is not in UTF-8"):
+        read_map(path)
 
 
 def test_a_missing_file_is_told(tmp_path):
