@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from merger.assembly import assemble_result, composite_largest, place_maps, sort_maps
-from merger.grid_map import GridMap
+from merger.grid_map import GridMap, crop_to_known
 from merger.merge_config import MergeConfig, Progress
 from merger.result import MergeResult, Method
 from merger.rival.sequential import merge_sequentially
@@ -45,7 +45,8 @@ def merge_maps(
     reference = names[0] if config.reference is None else config.reference
     if reference not in names:
         raise ValueError(f"the reference '{reference}' is none of the maps {', '.join(sorted(names))}")
-    return METHODS[config.method](maps, replace(config, reference=reference), progress or _ignore)
+    known = [crop_to_known(grid) for grid in maps]  # Pictures are often larger than what was seen.
+    return METHODS[config.method](known, replace(config, reference=reference), progress or _ignore)
 
 
 def merge_by_paper(maps: Sequence[GridMap], config: MergeConfig, progress: Progress) -> MergeResult:

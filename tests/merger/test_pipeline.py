@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 from merger import se2
 from merger.features import FeatureConfig
 from merger.files.result_json import to_json_dict
-from merger.grid_map import GridMap
+from merger.grid_map import GridMap, crop_to_known
 from merger.pipeline import MergeConfig, Method, merge_maps
 from merger.preparation import prepare_map
 from merger.random_streams import make_rng
@@ -200,6 +200,20 @@ def test_maps_of_different_resolutions_are_refused_by_name(cut_map, three_maps, 
         merge_maps([three_maps[0][0], fine], MergeConfig(method=method))
 
 
+@pytest.mark.parametrize("method", list(Method))
+def test_how_much_unknown_is_around_a_map_changes_nothing(three_maps, method):
+    maps, _ = three_maps
+    config = MergeConfig(method=method)
+    plain = [crop_to_known(grid) for grid in maps]
+    wide = []
+    for grid, margin in zip(plain, (0, 37, 150), strict=True):
+        T_map_grid = grid.T_map_grid @ se2.make_motion(-margin * grid.resolution_m, -margin * grid.resolution_m, 0.0)
+        wide.append(replace(grid, log_odds=np.pad(grid.log_odds, margin), T_map_grid=T_map_grid))
+    for one, other in zip(merge_maps(plain, config).maps, merge_maps(wide, config).maps, strict=True):
+        assert one.placed == other.placed
+        assert np.allclose(one.T_ref_map, other.T_ref_map, atol=1e-9)
+
+
 def test_bad_calls_are_refused_with_the_fact(three_maps):
     maps, _ = three_maps
     with pytest.raises(ValueError, match="no map"):
@@ -212,5 +226,5 @@ def test_bad_calls_are_refused_with_the_fact(three_maps):
         MergeConfig(seed=-1)
     with pytest.raises(ValueError, match="workers must be >= 1, got 0"):
         MergeConfig(workers=0)
-    with pytest.raises(ValueError, match="resolution must be > 0 m, got 0"):
+    with pytest.raises(ValueError, match=r"resolution must be in \[0.001, 100\] m, got 0"):
         MergeConfig(resolution_m=0.0)
