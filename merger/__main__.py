@@ -48,9 +48,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         )
         result = merge_maps(maps, config, progress=None if options.quiet else _show_progress)
         write_result(options.out, result, maps)
-    except (ValueError, OSError) as error:
+    except (ValueError, OSError, MemoryError) as error:
         _clear_progress()
-        print(f"{parser.prog}: {' '.join(str(error).split())}", file=sys.stderr)
+        fault = f"not enough memory ({str(error) or 'none left'})" if isinstance(error, MemoryError) else error
+        print(f"{parser.prog}: {' '.join(str(fault).split())}", file=sys.stderr)
         return _BAD_INPUT
     _clear_progress()
     _report(result, options)
@@ -117,7 +118,7 @@ def _report(result: MergeResult, options: argparse.Namespace) -> None:
         parts = f" in {len(groups)} components" if len(groups) > 1 else ""
         print(
             f"{result.num_placed} of {len(result.maps)} maps merged{parts} by {result.method.value} "
-            f"in {result.runtime_s.total:.2f} s: {options.out}"
+            f"in {result.runtime_s.total:.2f} s: {os.fsencode(options.out).decode(errors='backslashreplace')}"
         )
 
 

@@ -32,7 +32,7 @@ def main() -> None:
         print(f"sim: {' '.join(str(error).split())}", file=sys.stderr)
         sys.exit(2)
     except MemoryError as error:
-        print(f"sim: not enough memory ({error or 'none left'})", file=sys.stderr)
+        print(f"sim: not enough memory ({str(error) or 'none left'})", file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:
         sys.exit(130)

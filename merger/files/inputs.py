@@ -11,7 +11,8 @@ _YAML_SUFFIXES = (".yaml", ".yml")
 
 
 def read_maps(paths: Sequence[str | os.PathLike[str]]) -> list[GridMap]:
-    """Read all maps that the paths name, in their order; those of a folder in the order of names.
+    """Read all maps that the paths name, in their order; those of a folder in the order of names, without hidden
+    files.
 
     Args:
         paths: `map_server` YAML files; folders that hold them; dataset folders (with ``dataset.json``: their
@@ -43,7 +44,7 @@ def _read(path: Path) -> list[tuple[GridMap, Path]]:
 def _list_yamls(folder: Path) -> list[Path]:
     if (folder / "dataset.json").is_file():
         folder = folder / "maps"
-    files = sorted(file for file in folder.glob("*") if file.suffix.lower() in _YAML_SUFFIXES and file.is_file())
+    files = sorted(file for file in folder.glob("[!.]*") if file.suffix.lower() in _YAML_SUFFIXES and file.is_file())
     if not files:
         raise MapFileError(f"{folder}: the folder holds no map (no YAML file)")
     return files
