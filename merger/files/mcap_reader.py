@@ -11,6 +11,7 @@ from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader, make_reader
 from mcap.records import Channel, Message, Schema
 from mcap.summary import Summary
+from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
 from zstandard import ZstdError
 
@@ -28,7 +29,7 @@ _Latest = dict[str, tuple[Schema, Channel, Message]]
 def read_recording(path: str | os.PathLike[str]) -> list[GridMap]:
     """Read the latest OccupancyGrid of each topic, decoded by the schema in the file alone.
 
-    A map is named after the last word of its topic, or the whole topic where that is not unique. Origin and
+    A map is named after the last word of its topic, or after all its words where that is not unique. Origin and
     orientation of the grid are honoured.
 
     Args:
@@ -80,10 +81,13 @@ def _list_grid_topics(summary: Summary | None) -> list[str] | None:
 
 
 def _name_topics(topics: list[str]) -> dict[str, str]:
+    """The first way to name the topics that gives every one a name of its own."""
     last_words = [topic.rsplit("/", 1)[-1] for topic in topics]
-    if len(set(last_words)) == len(topics) and all(last_words):
-        return dict(zip(topics, last_words, strict=True))
-    return {topic: topic.strip("/").replace("/", "_") for topic in topics}
+    in_one_word = [topic.strip("/").replace("/", "_") for topic in topics]
+    for names in (last_words, in_one_word):
+        if len(set(names)) == len(topics) and all(names):
+            return dict(zip(topics, names, strict=True))
+    return {topic: topic for topic in topics}
 
 
 def _decode(path: Path, name: str, schema: Schema, channel: Channel, message: Message) -> GridMap:
@@ -99,7 +103,7 @@ def _decode(path: Path, name: str, schema: Schema, channel: Channel, message: Me
         typestore = get_typestore(Stores.EMPTY)
         typestore.register(types)
         return _grid_from_message(name, typestore.deserialize_cdr(message.data, message_type))
-    except (TypesysError, ValueError, AttributeError, KeyError, IndexError, AssertionError) as error:
+    except (TypesysError, SerdeError, ValueError, AttributeError, LookupError, AssertionError) as error:
         raise MapFileError(f"{path}: topic {channel.topic}: {error or type(error).__name__}") from None
 
 

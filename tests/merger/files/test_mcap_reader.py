@@ -80,6 +80,26 @@ def test_topics_with_the_same_last_word_give_whole_topics_as_names(three_maps, t
     assert [grid.name for grid in read_recording(tmp_path / "r.mcap")] == ["robot_1_map", "robot_2_map"]
 
 
+@pytest.mark.parametrize("topics", [["/a/b/map", "/a_b/map"], ["/", "/map"]])
+def test_every_topic_gives_a_map_of_its_own_name(three_maps, tmp_path, topics):
+    _write_recording(tmp_path / "r.mcap", {topic: [three_maps[0][0]] for topic in topics})
+    assert [grid.name for grid in read_recording(tmp_path / "r.mcap")] == topics
+
+
+@pytest.mark.parametrize("payload", [b"", b"\0\1\0\0", b"\0\1\0\0" + 400 * b"\xff"])
+def test_a_message_that_is_no_grid_is_refused_by_its_topic(tmp_path, payload):
+    with (tmp_path / "r.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        text = get_typestore(Stores.ROS2_HUMBLE).generate_msgdef("nav_msgs/msg/OccupancyGrid", ros_version=2)[0]
+        schema = writer.register_schema(name="nav_msgs/msg/OccupancyGrid", encoding="ros2msg", data=text.encode())
+        channel = writer.register_channel(topic="/a", message_encoding="cdr", schema_id=schema)
+        writer.add_message(channel, log_time=0, publish_time=0, data=payload)
+        writer.finish()
+    with pytest.raises(MapFileError, match=r"r\.mcap: topic /a: "):
+        read_recording(tmp_path / "r.mcap")
+
+
 @pytest.mark.parametrize(
     "options",
     [
