@@ -1,4 +1,7 @@
-"""``python -m bench [-m] [experiment=NAME] [key=value ...]``: run an experiment, print its table, write its report."""
+"""``python -m bench [-m] [experiment=NAME] [key=value ...]``: run an experiment, print its table, write its report.
+
+Exit status 0: at least one row is ok; 1: none is, and one line on stderr says why; 2: bad input, one line.
+"""
 
 import sys
 
@@ -11,8 +14,12 @@ def main() -> None:
         find_server(Preload.METHODS)  # it imports what calls need while this program imports the rest
         from bench.command import run_command  # noqa: PLC0415  # large: the server starts first
 
-        if text := run_command(sys.argv[1:]):
-            print(text)
+        answer = run_command(sys.argv[1:])
+        if answer.text:
+            print(answer.text)
+        if answer.fault:
+            print(f"bench: {answer.fault}", file=sys.stderr)
+            sys.exit(1)
     except (ValueError, OSError) as error:
         print(f"bench: {' '.join(str(error).split())}", file=sys.stderr)
         sys.exit(2)

@@ -7,6 +7,8 @@ from bench.cell import Setting
 
 OWN_METHODS = ("paper", "robust", "sequential")
 """Methods of our own package."""
+MOST = 1_000_000
+"""Seeds, or orders, of one run."""
 TABLES = ("summary", "table1", "table2", "ablation", "fidelity", "robust")
 """Tables that a report can begin with."""
 
@@ -72,11 +74,11 @@ class BenchSettings:
     variants: dict[str, Any] = field(default_factory=dict)
     """`VariantSettings` by name."""
     orders: int = 0
-    """0: the maps by name; k: k random orders of each dataset."""
+    """0: the maps by name; k: k random orders of each dataset, at most `MOST`."""
     seed: int = 0
     """First seed, at least 0."""
     seeds: int = 1
-    """Seeds a dataset, at least 1; each makes its own data and seeds the method."""
+    """Seeds a dataset, 1 to `MOST`; each makes its own data and seeds the method."""
     out: str | None = None
     """Folder of results; none: ``out/EXPERIMENT``."""
     logs: str | None = None
@@ -102,6 +104,9 @@ class BenchSettings:
         for name, low in lowest.items():
             if getattr(self, name) < low:
                 raise ValueError(f"{name} must be >= {low}, got {getattr(self, name)}")
+        for name in ("orders", "seeds"):
+            if getattr(self, name) > MOST:
+                raise ValueError(f"{name} must be <= {MOST}, got {getattr(self, name)}")
         for name in ("time_limit_s", "memory_limit_mb"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} must be > 0, got {getattr(self, name)}")

@@ -46,7 +46,7 @@ def expand_sweep(conf: Path, root: str, overrides: Sequence[str], groups: Collec
     swept = [override for override in parsed if override.is_sweep_override()]
     if not swept:
         raise OverrideError("-m needs a sweep, such as seed=range(0,100) or world=tim,intel")
-    choices_of = [_words(override) for override in swept]
+    choices_of = [swept_words(override) for override in swept]
     composed: dict[tuple[str, ...], DictConfig] = {}
     points: dict[str, SweepPoint] = {}
     for words in itertools.product(*choices_of):
@@ -64,8 +64,12 @@ def expand_sweep(conf: Path, root: str, overrides: Sequence[str], groups: Collec
     return list(points.values())
 
 
-def _words(override: Override) -> list[str]:
-    """A swept override as the plain overrides that it stands for; at least one."""
+def swept_words(override: Override) -> list[str]:
+    """A swept override as the plain overrides that it stands for; at least one.
+
+    Raises:
+        OverrideError: it stands for none, or cannot be enumerated.
+    """
     try:
         words = [f"{override.key_or_group}={value}" for value in override.sweep_string_iterator()]
     except HydraException:

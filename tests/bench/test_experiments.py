@@ -118,6 +118,15 @@ def test_a_sweep_killed_at_random_moments_ends_as_one_that_ran_through(finished:
         (["seeds=two"], "seeds"),
         (["submaps.overlap=7"], "overlap"),
         (["submaps.overlap=0.1,0.2"], "sweeps need -m"),
+        (["-m", "submaps.overlap=interval(0.1,0.2)"], "use a,b,c or range"),
+        (["-m", "seeds=range(3,1)"], "is an empty sweep"),
+        (["sweep={submaps.overlap:[0.1,0.2]}"], "with -m KEY=A,B"),
+        (["methods=paper"], "methods=[A,B]"),
+        (["methods=[]"], "at least one method"),
+        (["seeds=99999999999999999999"], "seeds must be <= 1000000"),
+        (["--config-name=x"], "unknown option '--config-name=x'"),
+        (["=5"], "'=5' is not of the form key=value"),
+        (["title=\udcff"], "is not text on one line"),
         (["method=external"], "method.command"),
         (["method=external", "method.command=prog"], "{maps}"),
         (["logs=nowhere", "experiment=table1"], "nowhere"),
@@ -135,6 +144,18 @@ def test_bad_input_is_one_line_and_nothing_is_written(
     assert error.count("\n") == 1
     assert fault in error
     assert not (tmp_path / "out").exists()
+
+
+def test_a_run_without_an_ok_row_is_written_down_and_ends_with_status_1_and_one_line(
+    finished: Path, tiny: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = finished.parent / "vain"
+    words = ["method=external", "method.command=false {maps} {out}", f"out={out}", "quiet=true"]
+    assert run(*tiny, *words) == 1
+    assert capsys.readouterr().err.splitlines() == [
+        "bench: not one of 1 rows is ok; 1 failed: the command ended with exit status 1"
+    ]
+    assert pd.read_csv(out / "scores.csv")["status"].tolist() == ["failed"]
 
 
 def test_a_folder_with_other_content_is_refused_and_left_as_it_was(
