@@ -5,8 +5,8 @@ import re
 import shlex
 import threading
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +14,11 @@ import yaml
 from omegaconf import OmegaConf
 from tqdm import tqdm
 
-from bench.cell import Cell
+from bench.cell import Cell, Setting
 from bench.cluster import check_launcher, launch_jobs
 from bench.command_words import HELP, read_words, root_key
 from bench.out_folder import STORE, claim_folder
-from bench.plan import plan_cells
+from bench.plan import parse_value, plan_cells
 from bench.run import RunOptions, run_cells
 from bench.settings import BenchSettings, read_settings
 from bench.stages import ScoredCell, keys_of
@@ -30,6 +30,8 @@ from sim.sim_schema import register_schema
 from sim.source import check_source
 
 _USAGE = "python -m bench [-m] [experiment=NAME] [key=value ...]: run an experiment, print its table, write its report."
+_NAMED = ("world", "seed", "seeds", "method", "methods", "method.name")
+"""Keys that have columns of their own in every row."""
 _PLAIN = re.compile(r"[\w@%+=:,./\[\]-]+")
 _OWN_KEYS = {"experiment", *(item.name for item in fields(BenchSettings))}
 
@@ -55,7 +57,7 @@ def run_command(arguments: list[str]) -> CommandAnswer:
     register("bench_schema", BenchSettings)
     register_schema()
     words = read_words(arguments)
-    planned = [_plan(job) for job in words.jobs]
+    planned = [_plan(job, words.swept) for job in words.jobs]
     settings, name = planned[0][0], planned[0][1]
     cells = list({keys_of(cell).score: cell for _, _, job_cells in planned for cell in job_cells}.values())
     if not cells:
@@ -78,13 +80,25 @@ def run_command(arguments: list[str]) -> CommandAnswer:
     return CommandAnswer("" if settings.quiet else text, _fault(done))
 
 
-def _plan(overrides: Sequence[str]) -> tuple[BenchSettings, str, list[Cell]]:
+def _plan(overrides: Sequence[str], swept: Sequence[str]) -> tuple[BenchSettings, str, list[Cell]]:
     own = [o for o in overrides if root_key(o) in _OWN_KEYS]
     foreign = [o for o in overrides if root_key(o) not in _OWN_KEYS]
     node: Any = OmegaConf.to_container(compose_config(conf_folder(), "bench", own), resolve=True)
     settings = read_settings(node)
     chosen = [o.partition("=")[2] for o in own if o.startswith("experiment=")]
-    return settings, (chosen or ["one"])[-1], plan_cells(settings, foreign, compose_sim)
+    columns = {key: _last_value(overrides, key) for key in swept if key not in _NAMED}
+    cells = [_add_columns(cell, columns) for cell in plan_cells(settings, foreign, compose_sim)]
+    return settings, (chosen or ["one"])[-1], cells
+
+
+def _last_value(overrides: Sequence[str], key: str) -> Setting:
+    return parse_value([o.partition("=")[2] for o in overrides if o.partition("=")[0] == key][-1])
+
+
+def _add_columns(cell: Cell, columns: Mapping[str, Setting]) -> Cell:
+    """A cell whose row says the value of every swept key, whatever the key concerns."""
+    swept = tuple((columns | dict(cell.dataset.swept)).items())
+    return replace(cell, dataset=replace(cell.dataset, swept=swept))
 
 
 def compose_sim(overrides: Sequence[str]) -> SimConfig:

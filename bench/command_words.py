@@ -5,6 +5,8 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from hydra.core.override_parser.types import Override
+
 from sim.hydra_schema import OverrideError, parse_overrides
 from sim.sweep import swept_words
 
@@ -25,6 +27,8 @@ class CommandWords:
 
     jobs: list[list[str]]
     """The overrides of every job of the sweep, at least one job."""
+    swept: tuple[str, ...]
+    """The keys that have several values."""
     launcher: list[str]
     """What is said to hydra itself: ``hydra/launcher=NAME``, ``hydra.launcher.KEY=VALUE``."""
 
@@ -40,7 +44,9 @@ def read_words(arguments: Sequence[str]) -> CommandWords:
         _check_word(word)
     launcher = [word for word in words if root_key(word) == "hydra" or word.startswith("hydra/")]
     overrides = [word for word in words if word not in launcher]
-    return CommandWords(_expand_sweep(overrides, multirun=len(words) < len(arguments)), launcher)
+    parsed = parse_overrides(overrides)
+    swept = tuple(override.get_key_element() for override in parsed if override.is_sweep_override())
+    return CommandWords(_expand_sweep(parsed, multirun=len(words) < len(arguments)), swept, launcher)
 
 
 def root_key(override: str) -> str:
@@ -62,10 +68,10 @@ def _check_word(word: str) -> None:
         raise OverrideError(f"methods must be a list in brackets, methods=[A,B], got '{value}'")
 
 
-def _expand_sweep(overrides: Sequence[str], *, multirun: bool) -> list[list[str]]:
+def _expand_sweep(overrides: Sequence[Override], *, multirun: bool) -> list[list[str]]:
     """The overrides of every job: ``key=a,b`` gives two, as hydra's own sweeper does it."""
     choices: list[list[str]] = []
-    for override in parse_overrides(overrides):
+    for override in overrides:
         key = override.get_key_element()
         if not override.is_sweep_override():
             choices.append([str(override.input_line)])

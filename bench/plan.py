@@ -148,10 +148,11 @@ def _call(name: str, settings: BenchSettings) -> tuple[MethodKind, str, tuple[tu
 def _typed(overrides: Sequence[str]) -> dict[str, Setting]:
     """What was typed about the dataset, as columns."""
     pairs = (override.partition("=") for override in overrides)
-    return {key: _parse(value) for key, _, value in pairs if key not in _SAID_ELSEWHERE}
+    return {key: parse_value(value) for key, _, value in pairs if key not in _SAID_ELSEWHERE}
 
 
-def _parse(text: str) -> Setting:
+def parse_value(text: str) -> Setting:
+    """A typed value as it stands in a column: a number, true or false, none, or text."""
     for kind in (int, float):
         try:
             return kind(text)

@@ -94,6 +94,17 @@ def test_a_sweep_gathers_all_cells_and_names_the_swept_key(finished: Path, tiny:
     assert "Breaking points" in (finished.parent / "sweep" / "report.html").read_text()
 
 
+def test_every_swept_key_is_a_column_whatever_it_concerns(log_folder: Path, tmp_path: Path) -> None:
+    log = log_folder / "tiny.log"
+    (tmp_path / "other.log").write_bytes(log.read_bytes())
+    swept = [f"source.path={log},{tmp_path / 'other.log'}", "time_limit_s=20,30"]
+    words = [*swept, "source=carmen", "submaps.count=4", "mapping=truth", "method=external", "quiet=true"]
+    run("-m", *words, "method.command='true {maps} {out}','echo {maps} {out}'", f"out={tmp_path / 'out'}")
+    table = pd.read_csv(tmp_path / "out" / "scores.csv")
+    keys = ["source.path", "time_limit_s", "method.command"]
+    assert len(table[keys].drop_duplicates()) == len(table) == 8
+
+
 def test_a_sweep_killed_at_random_moments_ends_as_one_that_ran_through(finished: Path, tiny: list[str]) -> None:
     out = finished.parent / "killed"
     arguments = [*tiny, "methods=[paper]", "seeds=2", f"out={out}", "quiet=true"]
