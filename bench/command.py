@@ -5,7 +5,7 @@ import re
 import shlex
 import threading
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -95,7 +95,7 @@ def _last_value(overrides: Sequence[str], key: str) -> Setting:
     return parse_value([o.partition("=")[2] for o in overrides if o.partition("=")[0] == key][-1])
 
 
-def _add_columns(cell: Cell, columns: Mapping[str, Setting]) -> Cell:
+def _add_columns(cell: Cell, columns: dict[str, Setting]) -> Cell:
     """A cell whose row says the value of every swept key, whatever the key concerns."""
     swept = tuple((columns | dict(cell.dataset.swept)).items())
     return replace(cell, dataset=replace(cell.dataset, swept=swept))
