@@ -39,12 +39,10 @@ def write_experiment(experiment: Experiment, out: Path) -> str:
     settings, results = experiment.settings, gather(experiment.cells)
     write_results(out, results)
     write_text(out / "config.yaml", yaml.safe_dump(_config_document(experiment), sort_keys=False))
-    chapters = make_chapters(settings, results, experiment.cells, out / "figures")
+    main_table, points, chapters = make_chapters(settings, results, experiment.cells, out / "figures")
     provenance = code_version.provenance() | {"seeds": f"{settings.seed} to {settings.seed + settings.seeds - 1}"}
     write_report(out / "report.html", Report(settings.title, experiment.command, tuple(chapters), provenance))
-    first = chapters[0]
-    table = [] if first.table is None else [format_table(first.table)]
-    body = [*table, *([""] if first.points else []), *first.points, *_complaints(results)]
+    body = [format_table(main_table), *([""] if points else []), *points, *_complaints(results)]
     return "\n".join([settings.title, "", *body, "", f"{out}/report.html"])
 
 

@@ -27,6 +27,8 @@ from sim.config import num_submaps, to_plain_dict
 from sim.datasets.dataset import make_dataset, read_dataset
 from sim.maps.truth import read_truth
 
+NO_DATASET = "dataset: "
+"""How the reason of a row begins whose dataset could not be made: its method was never called."""
 _INDEX = "dataset.json"
 _NO_PLACE = "OSError: "
 """How a full disk answers: no finding about a dataset, and nothing to remember."""
@@ -94,7 +96,7 @@ def finish_dataset(store: Store, spec: DatasetSpec, keys: CellKeys, retry_failed
     if outcome.reason and outcome.reason.startswith(_NO_PLACE):
         raise OSError(outcome.reason)
     if outcome.status != "ok":
-        outcome = replace(outcome, status="failed", reason=f"dataset: {outcome.reason}")
+        outcome = replace(outcome, status="failed", reason=f"{NO_DATASET}{outcome.reason}")
         store.write("failed_datasets", key, {"reason": outcome.reason})
     return outcome
 

@@ -9,11 +9,12 @@ import pandas as pd
 
 from bench.reports import curves, fidelity, paper_claims, paper_tables, robust_tables
 from bench.reports.exhibit import Exhibit, first_of_each, load_exhibit
+from bench.reports.failed_runs import failed_runs
 from bench.reports.fidelity_comparison import compare_fidelity
 from bench.reports.picture_chapters import error_chapter, gallery_chapter, picture_chapters
 from bench.reports.report import Section
 from bench.reports.summary import best_cells, summary_table, tell_overview
-from bench.reports.tables import Results, write_swept
+from bench.reports.tables import Results, first_orders
 from bench.scoring import order_metrics
 from bench.scoring.score_rows import PairScore
 from bench.settings import BenchSettings
@@ -21,6 +22,8 @@ from bench.stages import ScoredCell
 from sim.config import SourceKind
 from sim.datasets.dataset import read_dataset
 
+MAX_ROWS = 12
+"""A longer table of a sweep is folded, and one row a method stands in its place."""
 MAX_EXHIBITS = 12
 """Results that are drawn, so that a sweep of thousands still gives a report that one can open."""
 
@@ -30,46 +33,63 @@ def main_table(
 ) -> tuple[pd.DataFrame, list[str]]:
     """The table that the experiment is about, and the sentences below it."""
     if settings.table == "table1":
-        return paper_tables.make_table1(results)
+        table, sentences = paper_tables.make_table1(results)
+        return table, paper_claims.first_words(sentences)
     if settings.table == "table2":
-        return paper_tables.make_table2(results)
+        table, sentences = paper_tables.make_table2(results)
+        return table, paper_claims.first_words(sentences)
     if settings.table == "robust":
         return robust_tables.make_robust_table(results)
     if settings.table == "fidelity":
-        return _fidelity_table(cells)
+        return _fidelity_table(results, cells)
     if settings.table == "ablation":
         return summary_table(results, ["method"]), []
     varied = [key for key in results.swept if results.scores[key].nunique(dropna=False) > 1]
-    return summary_table(results, ["dataset", *varied, "method"]), []
+    labels = ["dataset"] if results.scores["dataset"].nunique() > 1 or not varied else []
+    return summary_table(results, [*labels, *varied, "method"]), []
 
 
 def make_chapters(
     settings: BenchSettings, results: Results, cells: Sequence[ScoredCell], folder: Path
-) -> list[Section]:
-    """All chapters, in order; pictures are written into a folder as they are drawn."""
+) -> tuple[pd.DataFrame, list[str], list[Section]]:
+    """The main table, the sentences below it, and all chapters; pictures are written into a folder as they are drawn.
+
+    What most readers come for stands first; what there is one of for each dataset comes last, and folded.
+    """
     start = time.perf_counter()
     table, sentences = main_table(settings, results, cells)
-    points = tuple(paper_claims.first_words(sentences))
-    chapters = [Section("Results", table=table, best=best_cells(table), points=points)]
-    if settings.table in ("table1", "table2", "ablation", "fidelity", "robust"):
-        summary = summary_table(results, ["dataset", "method"])
-        chapters.append(
-            Section("Summary", "Medians over runs; counts are sums.", table=summary, best=best_cells(summary))
-        )
-    chapters += _sweep_chapters(settings, results, folder)
+    chapters = [*_first_chapters(settings, results, table, sentences), *_sweep_chapters(settings, results, folder)]
+    short = summary_table(results, ["method"])
+    if len(table) > MAX_ROWS and len(short) < len(table) and settings.table == "summary":
+        chapters[0] = replace(chapters[0], table=short, best=best_cells(short))
+        chapters.append(Section("Every point", _POINTS_TEXT, table=table, best=best_cells(table), folded=True))
     if settings.orders:
         chapters.append(Section("Order", _ORDER_TEXT, table=_order_table(cells)))
     exhibits = [e for e in map(load_exhibit, first_of_each(cells)[:MAX_EXHIBITS]) if e]
-    rivals, merged, pairs = picture_chapters(exhibits, folder)
-    chapters += [rivals, merged, error_chapter(results, folder), pairs]
-    failures = _failed_runs(results)
-    if not failures.empty:
-        chapters.append(Section("Runs without an answer", "What ended them.", table=failures))
-    chapters.append(gallery_chapter(cells, folder))
+    chapters += [
+        error_chapter(first_orders(results), folder),
+        failed_runs(results, cells),
+        gallery_chapter(cells, folder),
+    ]
+    chapters += picture_chapters(exhibits, folder)
     explanation = robust_tables.EXPLANATION if settings.table == "robust" else ""
     chapters[0] = replace(chapters[0], text=tell_overview(results, time.perf_counter() - start) + explanation)
-    return [c for c in chapters if c.table is not None or c.pictures]
+    return table, sentences, [c for c in chapters if c.table is not None or c.pictures]
 
+
+def _first_chapters(
+    settings: BenchSettings, results: Results, table: pd.DataFrame, sentences: list[str]
+) -> list[Section]:
+    """The main table, and a summary beside a table that has columns of its own."""
+    chapters = [Section("Results", table=table, best=best_cells(table), points=tuple(sentences))]
+    if settings.table != "summary":
+        summary = summary_table(first_orders(results), ["dataset", "method"])
+        text = f"Medians over runs{' of the first order' if settings.orders else ''}; counts are sums."
+        chapters.append(Section("Summary", text, table=summary, best=best_cells(summary)))
+    return chapters
+
+
+_POINTS_TEXT = "Each dataset and swept value by itself; medians over its runs, counts are sums."
 
 _ORDER_TEXT = (
     "Largest difference between the relations of any two maps under two orders; it needs no truth. The sets of placed "
@@ -78,29 +98,27 @@ _ORDER_TEXT = (
 
 
 _BREAKING_TEXT = (
-    "Where success, coming from the easy end, falls below 90 % and below 50 %: the breaking points. In brackets: where "
-    "the lower and the upper ends of its 95 % intervals do."
+    "Where success, coming from the easy end, first falls below 90 % and below 50 %: the breaking points, on straight "
+    "lines between the swept values. In brackets: where the lower and the upper ends of its 95 % intervals do. "
+    "Already: at the easiest value; nowhere: at no value that was swept."
 )
 
 
 def _sweep_chapters(settings: BenchSettings, results: Results, folder: Path) -> list[Section]:
     chapters = []
-    varied = [key for key in results.swept if results.scores[key].nunique() > 1]
+    varied = [key for key in results.swept if results.scores[key].nunique(dropna=False) > 1]
     for key in varied:
         others = ", ".join(other for other in varied if other != key)
         text = _BREAKING_TEXT + (f" A point takes the runs of all values of {others} together." if others else "")
         curve = curves.success_curve(results, key)
+        if curve.empty:
+            continue
         table = None
-        if pd.api.types.is_numeric_dtype(curve[key]):
+        if curves.is_number(curve[key]):
             table = curves.breaking_points(curve, key, settings.hard_is_high.get(key, True))
         pictures = (curves.draw_success(curve, key, folder), curves.draw_costs(results, key, folder))
         chapters.append(Section(f"Breaking points: {key}", text, tuple(p for p in pictures if p), table))
     return chapters
-
-
-def _failed_runs(results: Results) -> pd.DataFrame:
-    bad = results.scores[results.scores["status"] != "ok"]
-    return write_swept(bad[["dataset", *results.swept, "method", "seed", "status", "reason"]], results.swept)
 
 
 def _order_table(cells: Sequence[ScoredCell]) -> pd.DataFrame:
@@ -125,14 +143,16 @@ def _order_table(cells: Sequence[ScoredCell]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _fidelity_table(cells: Sequence[ScoredCell]) -> tuple[pd.DataFrame, list[str]]:
-    """Statistics of every dataset over its runs."""
+def _fidelity_table(results: Results, cells: Sequence[ScoredCell]) -> tuple[pd.DataFrame, list[str]]:
+    """Statistics of every dataset over its runs; the usual table where no run gave an answer."""
     runs: dict[str, list[fidelity.FidelityRun]] = {}
     for scored in cells:
         if scored.score["status"] == "ok":
             pairs = [PairScore(**pair) for pair in scored.pairs]
             run = fidelity.FidelityRun(read_dataset(scored.dataset), pairs, scored.score["median_error_m"])
             runs.setdefault(scored.cell.dataset.label, []).append(run)
+    if not runs:
+        return summary_table(results, ["dataset", "method"]), []
     kinds = {scored.cell.dataset.label: scored.cell.dataset.config.source.kind for scored in cells}
     real = [label for label in runs if kinds[label] is SourceKind.CARMEN]
     statistics = {label: fidelity.measure_fidelity(found) for label, found in runs.items()}

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from bench.reports import drawing
 from bench.reports.drawing import Label, Picture
 from bench.reports.svg import Svg
-from bench.reports.tables import Results, format_value
+from bench.reports.tables import Results, format_swept, rows_that_ran
 from bench.scoring.statistics import breaking_point, wilson_share
 
 LEVELS = (0.9, 0.5)
@@ -33,10 +33,13 @@ _NEAREST_TICKS = 0.04
 def success_curve(results: Results, key: str) -> pd.DataFrame:
     """Shares of each method at each value of a swept key, with Wilson's intervals.
 
-    ``success`` is of the runs, ``right`` (placed, and not wrong) of all maps, ``wrong`` of the placed maps.
+    ``success`` is of the runs, ``right`` (placed, and not wrong) of all maps, ``wrong`` of the placed maps. Where no
+    run began (`bench.reports.tables.rows_that_ran`) there is no row.
     """
-    rows = []
-    for (method, value), group in results.scores.groupby(["method", key], sort=True, dropna=False):
+    scores = rows_that_ran(results.scores)
+    order = list(dict.fromkeys(scores["method"]))
+    rows: list[dict[str, Any]] = []
+    for (method, value), group in _by_method_and_value(scores, key):
         maps, placed, wrong = (int(group[name].sum()) for name in ("num_maps", "num_placed", "num_wrong"))
         counts = {
             "success": (int(group["success"].astype(bool).sum()), len(group)),
@@ -48,6 +51,7 @@ def success_curve(results: Results, key: str) -> pd.DataFrame:
             share = wilson_share(*count)
             row |= {name: share.value, f"{name}_low": share.low, f"{name}_high": share.high}
         rows.append(row)
+    rows.sort(key=lambda row: order.index(row["method"]))
     return pd.DataFrame(rows)
 
 
@@ -55,12 +59,12 @@ def breaking_points(curve: pd.DataFrame, key: str, hard_is_high: bool) -> pd.Dat
     """Where each method's success falls below 90 % and 50 %, coming from the easy end.
 
     In brackets where the lower and where the upper ends of the intervals do, between which it lies; *already* where
-    success is below at the easiest value.
+    success is below at the easiest value, *nowhere* where it is at none.
     """
     easiest = float(curve[key].min() if hard_is_high else curve[key].max())
     rows = []
     for method, group in curve.groupby("method", sort=False):
-        row: dict[str, Any] = {"method": method}
+        row: dict[str, Any] = {"method": method, "runs a point": _span(group["runs"])}
         for level in LEVELS:
             points = [
                 breaking_point(group[key].astype(float).tolist(), group[name].tolist(), level, hard_is_high)
@@ -76,7 +80,7 @@ def draw_success(curve: pd.DataFrame, key: str, folder: Path) -> Picture:
     """Runs without a fault, maps placed right and wrong against a swept value, with 95 % intervals."""
     alt = (
         f"Runs without a fault, maps placed right and placed maps that are wrong against {key}, by method, with 95 % "
-        "intervals; the dotted lines are at 90 % and 50 %."
+        "intervals, those of maps as if no two shared a run; the dotted lines are at 90 % and 50 %."
     )
     label = Label(f"success-{key}", f"Success against {key}", alt)
     panels = [_draw_curve(curve, key, name, title) for name, title in _SHARES.items()]
@@ -86,14 +90,17 @@ def draw_success(curve: pd.DataFrame, key: str, folder: Path) -> Picture:
 def draw_costs(results: Results, key: str, folder: Path) -> Picture | None:
     """Time and memory of each method against a swept number: the median and the range; none where nothing ran."""
     known = results.scores[results.scores["status"] == "ok"]
-    if known.empty or not _numeric(known[key]):
+    if known.empty or not is_number(known[key]):
         return None
     columns = {
         f"{score}{suffix}": pd.NamedAgg(score, part)
         for score, (suffix, part) in itertools.product(_COSTS, (("", "median"), ("_low", "min"), ("_high", "max")))
     }
-    table = known.groupby(["method", key], sort=True).agg(**columns).reset_index()
-    alt = f"Time and peak memory against {key}, by method: medians, with bars from the least to the most."
+    table = _by_method_and_value(known, key).agg(**columns).reset_index()
+    alt = (
+        f"Time and peak memory against {key}, by method: medians over the runs that gave an answer, with bars from the "
+        "least to the most."
+    )
     label = Label(f"costs-{key}", f"Time and memory against {key}", alt)
     panels = [_draw_curve(table, key, name, title) for name, title in _COSTS.items()]
     return drawing.save_picture(panels, drawing.method_legend(table["method"]), folder, label, table)
@@ -133,7 +140,7 @@ def _set_range(axis: Axes, name: str) -> None:
 def _set_ticks(axis: Axes, values: "pd.Series[Any]") -> None:
     """A tick for every swept value; many letters are turned, and a tick that its neighbour would hide stays silent."""
     places = np.unique(_positions(values, values))
-    ticks = [_tick(value) for value in sorted(dict.fromkeys(values))] if _numeric(values) else _words(values)
+    ticks = [format_swept(value) for value in sorted(dict.fromkeys(values))] if is_number(values) else _words(values)
     shown, last = [], -math.inf
     for place, tick in zip(places, ticks, strict=True):
         clear = place - last >= _NEAREST_TICKS * float(np.ptp(places))
@@ -142,29 +149,38 @@ def _set_ticks(axis: Axes, values: "pd.Series[Any]") -> None:
     axis.set_xticks(places, shown, rotation=45 if sum(map(len, shown)) > _MOST_LETTERS else 0)
 
 
+def _span(counts: "pd.Series[int]") -> str:
+    """A count, or the least and the most of several."""
+    return " to ".join(map(str, sorted({int(counts.min()), int(counts.max())})))
+
+
 def _tell(point: float, easiest: float) -> str:
     """A breaking point in words."""
     if math.isnan(point):
-        return "never"
+        return "nowhere"
     return f"{point:.3g} already" if point == easiest else f"{point:.3g}"
 
 
-def _tick(value: object) -> str:
-    return f"{value:g}" if isinstance(value, (int, float)) else format_value(value)
+def is_number(values: "pd.Series[Any]") -> bool:
+    """Whether swept values are numbers, that have a place on an axis; not where one is true, false or null."""
+    numeric = pd.api.types.is_numeric_dtype(values) and not pd.api.types.is_bool_dtype(values)
+    return bool(numeric and values.notna().all())
 
 
-def _numeric(values: "pd.Series[Any]") -> bool:
-    return bool(pd.api.types.is_numeric_dtype(values))
+def _by_method_and_value(scores: pd.DataFrame, key: str) -> Any:
+    """Groups of runs: numbers from the least to the most, words as they come."""
+    ordered = scores.sort_values(key, kind="stable") if is_number(scores[key]) else scores
+    return ordered.groupby(["method", key], sort=False, dropna=False)
 
 
 def _words(values: "pd.Series[Any]") -> list[str]:
     """The words of a column, each once, in their order."""
-    return list(dict.fromkeys(values.astype(str)))
+    return list(dict.fromkeys(map(format_swept, values)))
 
 
 def _positions(values: "pd.Series[Any]", of: "pd.Series[Any]") -> npt.NDArray[np.float64]:
     """Where values stand on an axis: numbers at their place, words in their order."""
-    if _numeric(values):
+    if is_number(values):
         return of.to_numpy(dtype=np.float64)
     names = _words(values)
-    return np.array([names.index(name) for name in of.astype(str)], dtype=np.float64)
+    return np.array([names.index(format_swept(value)) for value in of], dtype=np.float64)

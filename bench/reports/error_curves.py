@@ -17,6 +17,8 @@ from bench.scoring.statistics import wilson_share
 
 OVERLAP_BINS = (0.0, 0.1, 0.2, 0.3, 0.5, 1.0)
 """Edges of the bins of true overlap."""
+_SHOWN = (1e-4, 1e4)
+"""Errors that the logarithmic axis shows; smaller ones, zero among them, and larger ones stand at its ends."""
 _METHODS_SIDE_BY_SIDE = 6
 """With more methods the figure that shows their points side by side grows wider."""
 
@@ -31,7 +33,10 @@ def draw_errors(results: Results, folder: Path) -> Picture | None:
         _draw_steps(steps[steps["score"] == name], bound, f"error, {unit}")
         for name, unit, bound in (("error_m", "m", WRONG_ABOVE_M), ("error_deg", "degrees", WRONG_ABOVE_DEG))
     ]
-    alt = "Share of all maps placed within an error, for each method; beyond the dotted line a map is wrong."
+    alt = (
+        "Share of all maps placed within an error, for each method; beyond the dotted line a map is wrong. "
+        f"Errors below {_SHOWN[0]:g} or above {_SHOWN[1]:g} are drawn there."
+    )
     label = Label("errors", "How far maps are from where they belong", alt)
     return drawing.save_picture(panels, drawing.method_legend(maps["method"]), folder, label, steps)
 
@@ -54,7 +59,7 @@ def _draw_steps(steps: pd.DataFrame, bound: float, label: str) -> Svg:
         axis = figure.subplots()
         for method, hand in drawing.method_hands(steps["method"]).items():
             group = steps[steps["method"] == method]
-            (line,) = axis.step(np.maximum(group["value"], 1e-4), group["share"], where="post", linewidth=2)
+            (line,) = axis.step(np.clip(group["value"], *_SHOWN), group["share"], where="post", linewidth=2)
             line.set(color=hand.colour, marker=hand.marker, markersize=5, markevery=0.12)
         axis.axvline(bound, linestyle=":", linewidth=1, color="#888888")
         axis.set(xscale="log", ylim=(0, 1.03), xlabel=label, ylabel="share of all maps within it")

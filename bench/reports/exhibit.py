@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from bench.reports.tables import format_swept
 from bench.scoring import metrics
 from bench.scoring.prediction import Prediction
 from bench.scoring.result_document import PredictionError
@@ -31,7 +32,7 @@ class Exhibit:
     def label(self) -> str:
         """Name of the dataset in the tables, and the swept values that made it."""
         spec = self.scored.cell.dataset
-        return ", ".join([spec.label, *(f"{key}={value}" for key, value in spec.swept)])
+        return ", ".join([spec.label, *(f"{key}={format_swept(value)}" for key, value in spec.swept)])
 
     @property
     def method(self) -> str:

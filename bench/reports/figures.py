@@ -9,17 +9,23 @@ import numpy.typing as npt
 import pandas as pd
 from matplotlib.colors import to_hex
 
+from bench.cell import hash_of
 from bench.reports import drawing
 from bench.reports.drawing import PAIR_COLOURS, Label, Picture, map_colours
 from bench.reports.exhibit import Exhibit
 from bench.reports.merged_picture import draw_merge, frame_of
 from bench.reports.panels import draw_image, draw_matrix
 from bench.reports.svg import Entry
+from bench.reports.tables import format_value
 from bench.scoring import pair_metrics
 from bench.scoring.prediction import PredictedPair
 from merger import se2
 from merger.grid_map import GridMap
 
+_MOST_WIDENED = 4.0
+"""How much coarser than the truth a picture may get, to show two maps that lie apart."""
+_LONGEST_NAME = 150
+"""Letters of a file's name."""
 _PAIR_WORDS = {
     "tree": "in the tree",
     "reliable": "reliable",
@@ -55,7 +61,7 @@ def draw_pairs(exhibit: Exhibit, folder: Path) -> Picture:
         f"{num_motions} pairs with a motion, and which of these are in the tree, confirmed or rejected; a cross: the "
         "truth contradicts it."
     )
-    title = f"{exhibit.label}, {exhibit.method}: from matches to confirmed motions (as the paper's Fig. 6)"
+    title = f"{exhibit.label}, {exhibit.method}: from matches to confirmed motions"
     label = Label(_name("fig6", exhibit), title, alt)
     return drawing.save_picture(panels, legend, folder, label, pd.DataFrame(exhibit.scored.pairs))
 
@@ -65,15 +71,15 @@ def draw_coarse_fine(exhibit: Exhibit, folder: Path) -> Picture:
     truth = exhibit.dataset.truth.T_world_map
     score = exhibit.scored.score
     panels = [
-        (f"coarse: Obj. {score['objective_initial']:.3g} cells²", exhibit.T_world_map_initial),
-        (f"fine: Obj. {score['objective']:.3g} cells²", exhibit.T_world_map),
-        (f"truth: Obj. {score['objective_floor']:.3g} cells²", truth),
+        (f"coarse: Obj. {format_value(score['objective_initial'])} cells²", exhibit.T_world_map_initial),
+        (f"fine: Obj. {format_value(score['objective'])} cells²", exhibit.T_world_map),
+        (f"truth: Obj. {format_value(score['objective_floor'])} cells²", truth),
     ]
     alt = (
         f"Merged map of {exhibit.label} by {exhibit.method}: coarse motions, fine motions, and the truth. "
         f"{score['num_placed']} of {score['num_maps']} maps placed, {score['num_wrong']} wrong."
     )
-    title = f"{exhibit.label}, {exhibit.method}: merged map, coarse and fine (as the paper's Fig. 8)"
+    title = f"{exhibit.label}, {_verdict(exhibit)}"
     known = [panel for panel in panels if np.isfinite(panel[1]).any()]
     return _draw_panels(exhibit.dataset.maps, known, folder, Label(_name("fig8", exhibit), title, alt))
 
@@ -83,7 +89,7 @@ def draw_rivals(exhibits: Sequence[Exhibit], folder: Path) -> Picture:
     first = exhibits[0]
     panels = [(_verdict(e), e.T_world_map) for e in exhibits] + [("truth", first.dataset.truth.T_world_map)]
     verdicts = "; ".join(_verdict(e) for e in exhibits)
-    title = f"{first.label}: the methods side by side (as the paper's Fig. 9)"
+    title = f"{first.label}: the methods side by side"
     alt = f"Merged maps of {first.label} by each method beside the truth. {verdicts}."
     return _draw_panels(first.dataset.maps, panels, folder, Label(_name("fig9", first, method=False), title, alt))
 
@@ -108,7 +114,7 @@ def draw_unreliable_pair(exhibit: Exhibit, folder: Path) -> Picture | None:
         return None
     truth = exhibit.dataset.truth.T_world_map
     pair = max(rejected, key=lambda p: (not pair_metrics.is_right(p, truth), np.nan_to_num(p.num_inliers)))
-    return draw_pair(exhibit, pair, folder, "fig7", "an unreliable motion (as the paper's Fig. 7)")
+    return draw_pair(exhibit, pair, folder, "fig7", "an unreliable motion")
 
 
 def draw_pair(exhibit: Exhibit, pair: PredictedPair, folder: Path, stem: str, what: str) -> Picture:
@@ -121,7 +127,7 @@ def draw_pair(exhibit: Exhibit, pair: PredictedPair, folder: Path, stem: str, wh
     error_m, error_deg = pair_metrics.pair_errors(pair, truth)
     names = exhibit.prediction.names
     title = f"{exhibit.label}, {exhibit.method}: {what}, {names[pair.target]} and {names[pair.source]}"
-    off = f"off by {error_m:.2f} m and {error_deg:.1f} degrees"
+    off = f"off by {format_value(error_m)} m and {format_value(error_deg)} degrees"
     alt = f"Two maps laid together by the motion that was found, {off}, and by the true one."
     maps = [exhibit.dataset.maps[pair.target], exhibit.dataset.maps[pair.source]]
     return _draw_panels(maps, panels, folder, Label(_name(stem, exhibit), title, alt))
@@ -130,11 +136,19 @@ def draw_pair(exhibit: Exhibit, pair: PredictedPair, folder: Path, stem: str, wh
 def _draw_panels(
     maps: Sequence[GridMap], panels: Sequence[tuple[str, npt.NDArray[np.float64]]], folder: Path, label: Label
 ) -> Picture:
-    """Maps at each panel's poses, in the frame of the last, the truth; two maps are shown whole, wherever they lie."""
-    poses = np.concatenate([T for _, T in panels]) if len(maps) == 2 else panels[-1][1]
-    known = [int(k) for k in np.flatnonzero(np.isfinite(poses).all(axis=(1, 2)))]
-    raster = frame_of([maps[k % len(maps)] for k in known], poses[known])
-    images = [draw_image(text, draw_merge(maps, T, raster), raster.cell_m) for text, T in panels]
+    """Maps at each panel's poses, in the frame of the last, the truth; two maps are shown whole unless far apart."""
+    raster = frame_of(maps, panels[-1][1])
+    if len(maps) == 2:
+        poses = np.concatenate([T for _, T in panels])
+        known = [int(k) for k in np.flatnonzero(np.isfinite(poses).all(axis=(1, 2)))]
+        whole = frame_of([maps[k % 2] for k in known], poses[known])
+        raster = whole if whole.cell_m <= _MOST_WIDENED * raster.cell_m else raster
+    merges = [draw_merge(maps, T, raster) for _, T in panels]
+    titles = [
+        f"{text} ({merge.num_outside} outside)" if merge.num_outside else text
+        for (text, _), merge in zip(panels, merges, strict=True)
+    ]
+    images = [draw_image(title, m.image, raster.cell_m) for title, m in zip(titles, merges, strict=True)]
     colours = map_colours(len(maps))
     legend = [Entry(grid.name, to_hex(colour)) for grid, colour in zip(maps, colours, strict=True)]
     rows = [
@@ -163,11 +177,17 @@ def _word(pair: PredictedPair) -> str:
 
 
 def _verdict(exhibit: Exhibit) -> str:
-    score = exhibit.scored.score
-    return f"{exhibit.method}: {score['num_placed']} of {score['num_maps']} placed, {score['num_wrong']} wrong"
+    score, p = exhibit.scored.score, exhibit.prediction
+    pieces = len(np.unique(p.component[p.placed]))
+    apart = f" in {pieces} pieces" if pieces > 1 else ""
+    return f"{exhibit.method}: {score['num_placed']} of {score['num_maps']} placed{apart}, {score['num_wrong']} wrong"
 
 
 def _name(stem: str, exhibit: Exhibit, method: bool = True) -> str:
-    """Stem of a figure's files."""
-    parts = [stem, exhibit.label, *([exhibit.method] if method else [])]
-    return "-".join(re.sub(r"[^\w.=-]+", "_", part) for part in parts)
+    """Stem of a figure's files: that of no other, whatever letters its names are made of."""
+    cell = exhibit.scored.cell
+    parts = [stem, exhibit.label.replace(", ", "_"), *([exhibit.method] if method else [])]
+    parts += [f"order_{cell.order}"] if cell.order > 1 else []
+    name = "-".join(parts)
+    plain = re.sub(r"[^\w.=-]+", "_", name, flags=re.ASCII)[:_LONGEST_NAME]
+    return plain if plain == name else f"{plain}-{hash_of(name)[:6]}"

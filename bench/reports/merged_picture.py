@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -19,29 +20,38 @@ _GROUND = ((0.0, 0.0, 0.0, 0.0), (0.5, 0.5, 0.5, 0.16))
 """Colours of what is unknown, and of what is free."""
 
 
-def draw_merge(maps: Sequence[GridMap], T_world_map: Array, raster: Raster) -> PaletteImage:
+@dataclass(frozen=True)
+class MergePicture:
+    """Maps at their poses, as far as they lie in a picture."""
+
+    image: PaletteImage
+    """The picture, transparent where nothing is known, north up."""
+    num_outside: int
+    """Maps that lie wholly beside it."""
+
+
+def draw_merge(maps: Sequence[GridMap], T_world_map: Array, raster: Raster) -> MergePicture:
     """Paint maps at their poses.
 
     Args:
         maps: N maps; map k has the k-th colour whatever else is shown, and its walls lie on those of maps before it.
         T_world_map: (N, 3, 3) poses; a map whose pose is NaN is left out.
         raster: The part of the world that is shown.
-
-    Returns:
-        The picture, transparent where nothing is known, north up.
     """
-    paint = np.zeros((raster.rows, raster.cols), dtype=np.uint8)  # 0 unknown, 1 free, then walls by colour
+    paint, num_outside = np.zeros((raster.rows, raster.cols), dtype=np.uint8), 0  # 0 unknown, 1 free, then walls
     for k in map(int, np.flatnonzero(np.isfinite(T_world_map).all(axis=(1, 2)))):
         sheet = make_sheet(maps[k])
         window, part = _window_of(sheet, T_world_map[k], raster)
-        if not part.rows or not part.cols:  # it lies outside
+        if not part.rows or not part.cols:
+            num_outside += 1
             continue
         occupied, free = count_votes([sheet], T_world_map[k : k + 1], part)
         shown = paint[window]
         shown[(free > 0) & (shown == 0)] = 1
         shown[cv2.dilate((occupied > 0).astype(np.uint8), _BRUSH) > 0] = len(_GROUND) + k % MOST_MAP_COLOURS
     walls = [(*colour, 1.0) for colour in map_colours(len(maps))[:MOST_MAP_COLOURS]]
-    return PaletteImage(paint[::-1], np.rint(np.array([*_GROUND, *walls]) * 255.0).astype(np.uint8))
+    palette = np.rint(np.array([*_GROUND, *walls]) * 255.0).astype(np.uint8)
+    return MergePicture(PaletteImage(paint[::-1], palette), num_outside)
 
 
 def _window_of(sheet: Sheet, T_world_map: Array, raster: Raster) -> tuple[tuple[slice, slice], Raster]:

@@ -1,6 +1,7 @@
 """The chapters that are mostly pictures: merged maps, pairs, errors, and the gallery of failures."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,10 @@ from bench.stages import ScoredCell
 
 MAX_FAILURES = 6
 """Failures in the gallery."""
+MOST_PANELS = 9
+"""Panels of a chapter that are all shown; of more all pictures but the first are folded."""
+MAX_ROWS = 12
+"""A longer table of pairs is folded: it is drawn below."""
 _RECALL_WORDS = {
     "overlap": "true overlap",
     "recall_low": "low",
@@ -34,10 +39,14 @@ def error_chapter(results: Results, folder: Path) -> Section:
     if not results.pairs.empty:
         table = error_curves.recall_by_overlap(results)
         pictures.insert(1, error_curves.draw_recall(table, folder))
-    text = "False: pairs that the method confirms although the truth contradicts them."
+    text = (
+        "False: pairs that the method confirms although the truth contradicts them. The intervals treat pairs and maps "
+        "of one run as if they were independent: they are rather too narrow."
+    )
     if table is not None:
         table = table.rename(columns=_RECALL_WORDS)
-    return Section("Errors, pairs and confidences", text, tuple(p for p in pictures if p), table)
+    folded = table is not None and len(table) > MAX_ROWS
+    return Section("Errors, pairs and confidences", text, tuple(p for p in pictures if p), table, folded=folded)
 
 
 def picture_chapters(exhibits: Sequence[Exhibit], folder: Path) -> tuple[Section, Section, Section]:
@@ -53,17 +62,27 @@ def picture_chapters(exhibits: Sequence[Exhibit], folder: Path) -> tuple[Section
     for exhibit in exhibits:
         by_dataset.setdefault((exhibit.label, exhibit.scored.cell.dataset.swept), []).append(exhibit)
     rivals = [figures.draw_rivals(group, folder) for group in by_dataset.values() if len(group) > 1]
-    walls = "Each map has its own colour; where walls of different colours lie on each other, maps agree."
+    walls = (
+        "Each map has its own colour; where walls of different colours lie on each other, maps agree. Pieces that a "
+        "method could not connect lie where each fits the truth best."
+    )
+    crosses = "A cross marks a motion that the truth contradicts."
     return (
-        Section("Methods side by side", walls, tuple(rivals)),
-        Section("Merged maps", walls, tuple(merged)),
-        Section("Pairs of maps", "A cross marks a motion that the truth contradicts.", tuple(pairs)),
+        _fold(Section("Methods side by side", f"{walls} As the paper's Fig. 9.", tuple(rivals))),
+        _fold(Section("Merged maps", f"{walls} As the paper's Fig. 8.", tuple(merged))),
+        _fold(Section("Pairs of maps", f"{crosses} As the paper's Figs. 6 and 7.", tuple(pairs))),
     )
 
 
 def gallery_chapter(cells: Sequence[ScoredCell], folder: Path) -> Section:
     """Runs with maps in wrong places, the worst first."""
-    return Section("Gallery of failures", _GALLERY_TEXT, tuple(_gallery(cells, folder)))
+    return _fold(Section("Gallery of failures", _GALLERY_TEXT, tuple(_gallery(cells, folder))))
+
+
+def _fold(section: Section) -> Section:
+    """A section of many panels with all pictures but the first folded."""
+    many = sum(len(picture.panels) for picture in section.pictures) > MOST_PANELS
+    return replace(section, num_open=1) if many else section
 
 
 def _gallery(cells: Sequence[ScoredCell], folder: Path) -> list[Picture]:
@@ -75,5 +94,6 @@ def _gallery(cells: Sequence[ScoredCell], folder: Path) -> list[Picture]:
         false = [p for p in exhibit.prediction.pairs if p.status == "reliable" and not pair_metrics.is_right(p, truth)]
         if false:
             misleading = max(false, key=lambda p: (p.in_tree, float(np.nan_to_num(p.num_inliers))))
-            pictures.append(figures.draw_pair(exhibit, misleading, folder, "misled", "the pair that misled it"))
+            stem = f"misled-{exhibit.scored.cell.seed}"
+            pictures.append(figures.draw_pair(exhibit, misleading, folder, stem, "the pair that misled it"))
     return pictures

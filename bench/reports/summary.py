@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from bench.reports.tables import Results, format_value, summarize, write_swept
+from bench.reports.tables import Results, format_value, rows_that_ran, summarize, write_swept
 
 _SHORT = {
     "runs": "runs",
@@ -46,6 +46,8 @@ def best_cells(table: pd.DataFrame) -> tuple[tuple[int, str], ...]:
     for group in groups:
         for name in (*_BEST_HIGH, *_BEST_LOW):
             values = pd.to_numeric(group[name], errors="coerce") if name in group else pd.Series(dtype=float)
+            if name == "wrong" and "placed" in group:  # who places nothing avoids every mistake
+                values = values[group["placed"] > 0]
             if name in _ERRORS and "placed" in group:  # who places fewer maps right is not more exact
                 right = group["placed"] - group["wrong"]
                 values = values[right == right.max()]
@@ -57,11 +59,15 @@ def best_cells(table: pd.DataFrame) -> tuple[tuple[int, str], ...]:
 
 def tell_overview(results: Results, drawing_s: float) -> str:
     """How many runs and maps, how many wrong, what the columns mean, and what the bench cost itself."""
-    scores = results.scores
-    maps, wrong = int(scores["num_maps"].sum()), int(scores["num_wrong"].sum())
+    ran = rows_that_ran(results.scores)
+    maps, wrong, silent = int(ran["num_maps"].sum()), int(ran["num_wrong"].sum()), int((ran["status"] != "ok").sum())
+    missing = len(results.scores) - len(ran)
     return (
-        f"{len(scores)} runs with {maps} maps; {wrong} maps are placed wrong: more than 0.5 m or 2° from where they "
-        "belong in the frame that fits most of their component. Success: every map is placed in one component and none "
+        f"Runs: {len(ran)}, with {maps} maps, of which {wrong} are placed wrong: more than 0.5 m or 2° from where they "
+        "belong in the frame that fits most of their component. "
+        + (f"Runs that gave no answer: {silent}. " if silent else "")
+        + (f"Runs that could not begin, and do not count: {missing}. " if missing else "")
+        + "Success: every map is placed in one component and none "
         "is wrong; low and high are its 95 % interval (Wilson). Obj. is in cells²; its floor is its value under the "
         "true motions, where it ranks nothing." + _overhead(results, drawing_s)
     )

@@ -11,7 +11,7 @@ import pandas as pd
 
 from bench.plan import building_of
 from bench.scoring.statistics import wilson_share
-from bench.stages import ScoredCell
+from bench.stages import NO_DATASET, ScoredCell
 from bench.store import write_bytes, write_text
 
 KEYS = ("dataset", "world", "method", "seed", "order")
@@ -53,29 +53,46 @@ def write_results(folder: Path, results: Results) -> None:
 def summarize(results: Results, by: Sequence[str]) -> pd.DataFrame:
     """One row a group: success with its 95 % interval, placed and wrong maps, errors, times.
 
-    Medians are over the group's rows, of what is known; counts are sums.
+    Medians are over the group's rows, of what is known; counts are sums. Runs that never began (`rows_that_ran`) do not
+    count.
     """
     rows = []
-    for keys, group in results.scores.groupby(list(by), sort=False, dropna=False):
+    for keys, everything in results.scores.groupby(list(by), sort=False, dropna=False):
+        group = rows_that_ran(everything)
         share = wilson_share(int(group["success"].astype(bool).sum()), len(group))
         row: dict[str, Any] = dict(zip(by, keys if isinstance(keys, tuple) else (keys,), strict=True))
         row |= {"runs": len(group), "success": share.value, "success_low": share.low, "success_high": share.high}
         row |= {f"{name}": int(group[name].sum()) for name in ("num_maps", "num_placed", "num_wrong")}
         for name in _MEDIANS:
             row[name] = median_of(group[name])
-        row["failed"] = int((group["status"] == "failed").sum())
         rows.append(row)
     return pd.DataFrame(rows)
 
 
+def rows_that_ran(scores: pd.DataFrame) -> pd.DataFrame:
+    """The rows of methods that were called: none that was skipped, none whose dataset could not be made."""
+    unmade = scores["reason"].astype("string").str.startswith(NO_DATASET).fillna(value=False).astype(bool)
+    return scores[(scores["status"] != "skipped") & ~unmade]
+
+
+def first_orders(results: Results) -> Results:
+    """What was found under the first order of the maps: the others repeat its runs, and are no further evidence."""
+    if results.scores["order"].nunique() < 2:
+        return results
+    first = results.scores["order"].min()
+    tables = (results.scores, results.maps, results.pairs)
+    scores, maps, pairs = (table if table.empty else table[table["order"] == first] for table in tables)
+    return Results(scores, maps, pairs, results.swept)
+
+
 def write_swept(table: pd.DataFrame, swept: Sequence[str]) -> pd.DataFrame:
     """A table in which swept values read as one would type them: 0.1, where a score is 0.100."""
-    typed = {
-        key: [f"{v:g}" if isinstance(v, float) and math.isfinite(v) else format_value(v) for v in table[key]]
-        for key in swept
-        if key in table
-    }
-    return table.assign(**typed)
+    return table.assign(**{key: list(map(format_swept, table[key])) for key in swept if key in table})
+
+
+def format_swept(value: object) -> str:
+    """A swept value as one would type it."""
+    return f"{value:g}" if isinstance(value, float) and math.isfinite(value) else format_value(value)
 
 
 def format_table(table: pd.DataFrame) -> str:
@@ -101,7 +118,7 @@ def format_value(value: object) -> str:
             return "0"
         if value == int(value) and abs(value) < 1e6:
             return str(int(value))
-        return f"{value:.0f}" if abs(value) >= 1000 else f"{value:#.3g}".rstrip(".")
+        return f"{value:.0f}" if 1000 <= abs(value) < 1e6 else f"{value:#.3g}".rstrip(".")
     return str(value)
 
 

@@ -47,7 +47,7 @@ def test_the_last_map_with_a_wall_at_a_place_is_seen_there(dataset: Dataset, lef
     raster = frame_of(maps, T)
     if left_out is not None:
         T[left_out] = np.nan
-    picture = draw_merge(maps, T, raster)
+    picture = draw_merge(maps, T, raster).image
     image = picture.palette[picture.cells][::-1]
     y, x = np.mgrid[: raster.rows, : raster.cols]
     centres = np.stack([raster.x_min_m + (x + 0.5) * raster.cell_m, raster.y_min_m + (y + 0.5) * raster.cell_m], -1)
@@ -66,4 +66,5 @@ def test_a_map_far_outside_the_picture_is_not_seen(dataset: Dataset, distance_m:
     T_gone[1] = np.nan
     raster = frame_of(dataset.maps, dataset.truth.T_world_map)
     far, gone = (draw_merge(dataset.maps, T, raster) for T in (T_far, T_gone))
-    assert (far.cells == gone.cells).all()
+    assert (far.image.cells == gone.image.cells).all()
+    assert (far.num_outside, gone.num_outside) == (1, 0)

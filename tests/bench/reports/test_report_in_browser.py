@@ -73,3 +73,25 @@ def test_a_row_of_a_table_is_named_by_its_method_and_what_stands_before_it(tmp_p
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert '<th scope="row" class="key"><small>tim, 0.1</small>paper</th>' in page
     assert [text for _, text in re.findall(r'<td class="(.*?)">(.*?)</td>', page)] == ["tim", "0.1", "4"]
+
+
+def test_a_long_chapter_is_folded_and_everything_can_be_reached_from_the_contents(tmp_path: Path) -> None:
+    write_example(tmp_path)
+    curve = pd.DataFrame({"method": ["paper"], "noise": [0.1], "runs": [1]})
+    for name in ("success", "right", "wrong"):
+        curve = curve.assign(**{name: 0.5, f"{name}_low": 0.1, f"{name}_high": 0.9})
+    picture = curves.draw_success(curve, "noise", tmp_path / "figures")
+    sections = (
+        Section("Results", pictures=(picture,), table=curve, folded=True),
+        Section("A gallery", pictures=(picture,) * 4, num_open=1),
+    )
+    write_report(tmp_path / "report.html", Report("A title", "", sections, {}))
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert re.findall(r"<details( open)?><summary>(?:<.*?>)?([\w ]+)", page) == [
+        ("", "All 1 rows"),
+        (" open", "Figure 2"),
+        *(("", f"Figure {k}") for k in (3, 4, 5)),
+    ]
+    contents = re.findall(r'<a href="#(.*?)">', page)
+    assert {"contents", "results", "a-gallery", "provenance"} == set(contents)
+    assert all(page.count(f'id="{name}"') == 1 for name in contents)

@@ -5,7 +5,7 @@ import pytest
 
 from bench.reports.curves import breaking_points
 from bench.reports.summary import best_cells
-from bench.reports.tables import write_swept
+from bench.reports.tables import format_value, write_swept
 
 
 def test_the_best_of_each_dataset_is_marked_and_errors_only_among_those_who_place_most_right() -> None:
@@ -26,6 +26,12 @@ def test_what_most_methods_reach_is_not_marked() -> None:
     assert set(best_cells(table)) == {(2, "wrong"), (3, "wrong")}
 
 
+def test_who_places_nothing_is_not_best_at_making_no_mistakes() -> None:
+    table = pd.DataFrame({"method": ["a", "b", "c"], "placed": [0, 4, 4], "wrong": [0, 1, 2]})
+    assert (0, "wrong") not in best_cells(table)
+    assert (1, "wrong") in best_cells(table)
+
+
 def test_one_method_has_no_rival_to_be_better_than() -> None:
     assert best_cells(pd.DataFrame({"method": ["paper", "paper"], "wrong": [1, 0]})) == ()
 
@@ -39,12 +45,19 @@ def test_swept_values_read_as_they_were_typed() -> None:
     assert table["recall"].tolist() == [0.1, 0.2]
 
 
+def test_numbers_are_short_however_large() -> None:
+    values = (0.0, 1.5, 1234.4, 4.2e300, -3.0, 2.0e6, float("nan"), None)
+    assert [format_value(v) for v in values] == ["0", "1.50", "1234", "4.20e+300", "-3", "2.00e+06", "-", "-"]
+
+
 @pytest.mark.parametrize(
-    ("hard_is_high", "expected"), [(True, "2.2 (1 already to never)"), (False, "3 already (3 already to 2.5)")]
+    ("hard_is_high", "expected"), [(True, "2.2 (1 already to nowhere)"), (False, "3 already (3 already to 2.5)")]
 )
 def test_a_breaking_point_lies_between_those_of_the_ends_of_its_intervals(hard_is_high: bool, expected: str) -> None:
     shares = {"success": [1.0, 1.0, 0.5], "success_low": [0.6, 0.6, 0.2], "success_high": [1.0, 1.0, 0.9]}
     if not hard_is_high:
         shares["success_high"] = [0.6, 0.8, 1.0]
-    curve = pd.DataFrame({"method": ["paper"] * 3, "noise": [1.0, 2.0, 3.0], **shares})
-    assert breaking_points(curve, "noise", hard_is_high)["below 90 % at"].tolist() == [expected]
+    curve = pd.DataFrame({"method": ["paper"] * 3, "noise": [1.0, 2.0, 3.0], "runs": [5, 4, 5], **shares})
+    table = breaking_points(curve, "noise", hard_is_high)
+    assert table["below 90 % at"].tolist() == [expected]
+    assert table["runs a point"].tolist() == ["4 to 5"]
