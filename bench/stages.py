@@ -17,8 +17,7 @@ from bench.mergers.isolation import Limits, run_isolated
 from bench.mergers.map_cache import write_map_cache
 from bench.mergers.methods import ordered_maps, preload_of, python_methods, run_method
 from bench.mergers.servers import Preload, find_server
-from bench.scoring.result_document import PredictionError
-from bench.scoring.result_reader import read_prediction
+from bench.scoring.result_reader import PredictionError, read_prediction
 from bench.scoring.scores import score_failure, score_result
 from bench.scoring.yardstick import Yardstick, make_yardstick
 from bench.scoring.yardstick_file import encode_yardstick, read_yardstick
@@ -27,8 +26,6 @@ from sim.config import num_submaps, to_plain_dict
 from sim.datasets.dataset import make_dataset, read_dataset
 from sim.maps.truth import read_truth
 
-NO_DATASET = "dataset: "
-"""How the reason of a row begins whose dataset could not be made: its method was never called."""
 _INDEX = "dataset.json"
 _NO_PLACE = "OSError: "
 """How a full disk answers: no finding about a dataset, and nothing to remember."""
@@ -96,7 +93,7 @@ def finish_dataset(store: Store, spec: DatasetSpec, keys: CellKeys, retry_failed
     if outcome.reason and outcome.reason.startswith(_NO_PLACE):
         raise OSError(outcome.reason)
     if outcome.status != "ok":
-        outcome = replace(outcome, status="failed", reason=f"{NO_DATASET}{outcome.reason}")
+        outcome = replace(outcome, status="failed", reason=f"dataset: {outcome.reason}")
         store.write("failed_datasets", key, {"reason": outcome.reason})
     return outcome
 
@@ -113,7 +110,7 @@ def finish_prediction(store: Store, cell: Cell, keys: CellKeys, retry_failed: bo
         maps = ordered_maps(store.dataset(keys.dataset), cell.order)
         outcome = run_method(cell.method, maps, cell.seed, folder, store.map_cache(keys.dataset))
     outcome = replace(outcome, overhead_s=time.perf_counter() - start - outcome.wall_s)
-    store.write("outcomes", keys.prediction, asdict(outcome))
+    store.write("outcomes", keys.prediction, vars(outcome))
     return outcome
 
 
@@ -140,7 +137,7 @@ def failed_cell(store: Store, cell: Cell, keys: CellKeys, outcome: Outcome) -> S
     dataset = store.dataset(keys.dataset)
     num_maps = num_submaps(cell.dataset.config)
     blank = replace(outcome, wall_s=math.nan, peak_memory_mb=math.nan)
-    return ScoredCell(cell, asdict(score_failure(num_maps, blank)), [], [], dataset, dataset / "result.json")
+    return ScoredCell(cell, vars(score_failure(num_maps, blank)), [], [], dataset, dataset / "result.json")
 
 
 def _make(spec: DatasetSpec, store: Store, keys: CellKeys) -> None:
@@ -161,12 +158,12 @@ def _score(dataset_folder: Path, yardstick_file: Path, answer: Path, outcome: Ou
     try:
         if outcome.status == "ok":
             score, maps, pairs = score_result(yardstick, read_prediction(answer, names), outcome)
-            document |= {"maps": [asdict(m) for m in maps], "pairs": [asdict(p) for p in pairs]}
+            document |= {"maps": [vars(m) for m in maps], "pairs": [vars(p) for p in pairs]}
         else:
             score = score_failure(len(names), outcome)
     except PredictionError as error:
         score = score_failure(len(names), replace(outcome, status="failed", reason=str(error)))
-    return document | {"score": asdict(replace(score, runtime_overhead_s=outcome.overhead_s))}
+    return document | {"score": vars(replace(score, runtime_overhead_s=outcome.overhead_s))}
 
 
 @functools.lru_cache(maxsize=4)
@@ -181,7 +178,7 @@ def find_yardstick(dataset_folder: Path, file: Path) -> Yardstick:
 
 def _comparable(outcome: Outcome) -> dict[str, Any]:
     """An outcome as it is compared after a trip through JSON, where NaN would differ from itself."""
-    return {name: str(value) for name, value in asdict(outcome).items()}
+    return {name: str(value) for name, value in vars(outcome).items()}
 
 
 def _method_version(method: MethodSpec) -> str:

@@ -35,7 +35,7 @@ class Store:
 
     def yardstick(self, key: str) -> Path:
         """Where the yardstick of this key is, or will be."""
-        return self.root / "yardsticks" / f"{key}.npz"
+        return self.root / "yardsticks" / f"{key}.bin"
 
     def prediction(self, key: str) -> Path:
         """Where the answer of this key is, or will be."""
@@ -51,7 +51,7 @@ class Store:
 
     def write(self, kind: str, key: str, document: dict[str, Any]) -> None:
         """Finish a document."""
-        write_text(self._document(kind, key), json.dumps(document, indent=1))
+        write_text(self._document(kind, key), json.dumps(document))
 
     @contextmanager
     def fill(self, folder: Path) -> Iterator[Path]:

@@ -45,12 +45,6 @@ class Sheet:
     T_map_sheet: Array
     """(3, 3) place of its lower-left corner in frame ``map``."""
 
-    def corners_world(self, T_world_map: Array) -> Array:
-        """(4, 2) its corners, metres in frame ``world``."""
-        height, width = (n * self.resolution_m for n in self.marks.shape)
-        box = np.array([[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]])
-        return se2.transform_points(T_world_map @ self.T_map_sheet, box)
-
 
 def make_sheet(grid: GridMap) -> Sheet:
     """The part of a map that is known; the whole of it where nothing is."""
@@ -67,12 +61,28 @@ def count_votes(sheets: Sequence[Sheet], T_world_map: Array, raster: Raster) -> 
     """How many maps call each raster cell occupied, and how many free: two (rows, cols) arrays, row 0 at smallest y."""
     occupied = np.zeros((raster.rows, raster.cols), dtype=np.uint16)
     free = np.zeros_like(occupied)
-    T_raster_world = se2.make_motion(-raster.x_min_m, -raster.y_min_m, 0.0)
-    for sheet, T in zip(sheets, T_world_map, strict=True):
-        T_sheet_raster = se2.invert(T_raster_world @ T @ sheet.T_map_sheet) / sheet.resolution_m
-        T_sheet_raster[:2, :2] *= raster.cell_m
-        add_votes(sheet.marks, T_sheet_raster, _window(sheet.corners_world(T), raster), occupied, free)
+    T_sheet_raster, windows = place_sheets(sheets, T_world_map, raster)
+    for sheet, T, window in zip(sheets, T_sheet_raster, windows.tolist(), strict=True):
+        add_votes(sheet.marks, T, tuple(window), occupied, free)
     return occupied, free
+
+
+def place_sheets(sheets: Sequence[Sheet], T_world_map: Array, raster: Raster) -> tuple[Array, npt.NDArray[np.int64]]:
+    """Where N maps lie on a raster.
+
+    Returns:
+        (N, 3, 3) continuous cell coordinates (x, y) of the raster to those of each map, scale included; (N, 4) first
+        and last row, first and last column of the raster that each may touch, the last ones not included.
+    """
+    T_raster_world = se2.make_motion(-raster.x_min_m, -raster.y_min_m, 0.0)
+    places = np.array([sheet.T_map_sheet for sheet in sheets])
+    T_sheet_raster = se2.invert(T_raster_world @ T_world_map @ places)
+    T_sheet_raster /= np.array([sheet.resolution_m for sheet in sheets])[:, None, None]
+    T_sheet_raster[:, :2, :2] *= raster.cell_m
+    cells = (_corners_world(sheets, T_world_map) - [raster.x_min_m, raster.y_min_m]) / raster.cell_m
+    left, below = np.maximum(np.floor(cells.min(axis=1)), 0.0).T
+    right, above = np.minimum(np.ceil(cells.max(axis=1)), [raster.cols, raster.rows]).T
+    return T_sheet_raster, np.stack([below, above, left, right], axis=1).astype(np.int64)
 
 
 def raster_for(sheets: Sequence[Sheet], T_world_map: Array) -> Raster:
@@ -86,13 +96,14 @@ def raster_for(sheets: Sequence[Sheet], T_world_map: Array) -> Raster:
 
 def bounds_m(sheets: Sequence[Sheet], T_world_map: Array) -> tuple[Array, Array]:
     """The least and the greatest x and y of maps at their places, metres."""
-    points = np.concatenate([sheet.corners_world(T) for sheet, T in zip(sheets, T_world_map, strict=True)])
+    points = _corners_world(sheets, T_world_map).reshape(-1, 2)
     return points.min(axis=0), points.max(axis=0)
 
 
-def _window(corners_world: Array, raster: Raster) -> tuple[int, int, int, int]:
-    """First and last row, first and last column of a raster that points may touch."""
-    cells = (corners_world - [raster.x_min_m, raster.y_min_m]) / raster.cell_m
-    left, below = np.maximum(np.floor(cells.min(axis=0)), 0.0)
-    right, above = np.minimum(np.ceil(cells.max(axis=0)), [raster.cols, raster.rows])
-    return int(below), int(above), int(left), int(right)
+def _corners_world(sheets: Sequence[Sheet], T_world_map: Array) -> Array:
+    """(N, 4, 2) the corners of N maps, metres in frame ``world``."""
+    sizes = np.array(
+        [(sheet.marks.shape[1] * sheet.resolution_m, sheet.marks.shape[0] * sheet.resolution_m) for sheet in sheets]
+    )
+    boxes = sizes[:, None] * [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
+    return se2.transform_points(T_world_map @ np.array([sheet.T_map_sheet for sheet in sheets]), boxes)

@@ -4,6 +4,7 @@ Each function's docstring is the definition of its score: formula, range, unit, 
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -79,7 +80,7 @@ def placement_errors(
     """
     count = len(T_world_map)
     error_m, error_deg = np.full(count, np.nan), np.full(count, np.nan)
-    frames, wrong = np.full((count, 3, 3), np.nan), np.zeros(count, dtype=bool)
+    frames = np.full((count, 3, 3), np.nan)
     for number in np.unique(component[placed]):
         members = np.flatnonzero(placed & (component == number))
         if len(members) < 2:
@@ -87,8 +88,7 @@ def placement_errors(
         frame = fit_frame(T_world_map[members], T_ref_map[members])
         error_m[members], error_deg[members] = motion_errors(T_world_map[members], frame @ T_ref_map[members])
         frames[members] = frame
-        within = (error_m[members] <= WRONG_ABOVE_M) & (error_deg[members] <= WRONG_ABOVE_DEG)
-        wrong[members] = ~within  # also where a motion is too large for its error to be a number
+    wrong = (error_m > WRONG_ABOVE_M) | (error_deg > WRONG_ABOVE_DEG)
     return PlacementErrors(error_m, error_deg, wrong, frames)
 
 
@@ -131,9 +131,15 @@ def fit_frame(T_world_map: Array, T_ref_map: Array) -> Array:
     Returns:
         (3, 3) motion ``T_world_ref``.
     """
-    candidates = [_refit(T, T_world_map, T_ref_map) for T in T_world_map @ se2.invert(T_ref_map)]
-    ranks = [(-within.sum(), cost, k) for k, (_, within, cost) in enumerate(candidates)]
-    return candidates[min(ranks)[2]][0]
+    frames = T_world_map @ se2.invert(T_ref_map)
+    error_m, error_deg = motion_errors(T_world_map, frames[:, None] @ T_ref_map)
+    starts = [_weigh(*errors) for errors in zip(error_m, error_deg, strict=True)]
+    refits: dict[bytes, _Fit] = {}
+    candidates = [
+        _refit(_Fit(T, *start), T_world_map, T_ref_map, refits) for T, start in zip(frames, starts, strict=True)
+    ]
+    ranks = [(-fit.within.sum(), fit.cost, k) for k, fit in enumerate(candidates)]
+    return candidates[min(ranks)[2]].T_world_ref
 
 
 def align_poses(T_world_map: Array, T_ref_map: Array) -> Array:
@@ -149,22 +155,35 @@ def align_poses(T_world_map: Array, T_ref_map: Array) -> Array:
     return se2.make_motion(shift[0], shift[1], theta)
 
 
-def _refit(T_world_ref: Array, T_world_map: Array, T_ref_map: Array) -> tuple[Array, npt.NDArray[np.bool_], float]:
-    within, cost = _within(T_world_ref, T_world_map, T_ref_map)
-    for _ in range(_REFITS if within.any() else 0):  # none: so far away that rounding hides even its own place
-        refitted = align_poses(T_world_map[within], T_ref_map[within])
-        now_within, now_cost = _within(refitted, T_world_map, T_ref_map)
-        if now_within.sum() < within.sum():
-            break
-        done = bool((now_within == within).all())
-        T_world_ref, within, cost = refitted, now_within, now_cost
-        if done:
-            break
-    return T_world_ref, within, cost
+class _Fit(NamedTuple):
+    """A proposed frame."""
+
+    T_world_ref: Array
+    """(3, 3) the frame."""
+    within: npt.NDArray[np.bool_]
+    """(N,) the maps that it fits."""
+    cost: float
+    """Sum of their squared errors."""
 
 
-def _within(T_world_ref: Array, T_world_map: Array, T_ref_map: Array) -> tuple[npt.NDArray[np.bool_], float]:
-    error_m, error_deg = motion_errors(T_world_map, T_world_ref @ T_ref_map)
+def _refit(fit: _Fit, T_world_map: Array, T_ref_map: Array, refits: dict[bytes, _Fit]) -> _Fit:
+    """The proposal after its refits, which depend on nothing but the maps within: each is worked out once."""
+    for _ in range(_REFITS):
+        key = fit.within.tobytes()
+        if key not in refits:
+            frame = align_poses(T_world_map[fit.within], T_ref_map[fit.within])
+            refits[key] = _Fit(frame, *_weigh(*motion_errors(T_world_map, frame @ T_ref_map)))
+        refitted, before = refits[key], fit.within
+        if refitted.within.sum() < before.sum():
+            break
+        fit = refitted
+        if (fit.within == before).all():
+            break
+    return fit
+
+
+def _weigh(error_m: Array, error_deg: Array) -> tuple[npt.NDArray[np.bool_], float]:
+    """The maps within the bounds, and the sum of their squared errors."""
     within = (error_m <= WRONG_ABOVE_M) & (error_deg <= WRONG_ABOVE_DEG)
     cost = (error_m[within] / WRONG_ABOVE_M) ** 2 + (error_deg[within] / WRONG_ABOVE_DEG) ** 2
     return within, float(cost.sum())

@@ -1,8 +1,9 @@
 """Distance of every point to the nearest point of another group, for all groups at once (numba).
 
-A k-d tree of "all the others" would have to be built anew for each group. Here all points are sorted into square bins
-once; a search looks at rings of bins around a point until no nearer point can follow. Only points with none within a
-few rings are looked up in trees.
+A k-d tree of "all the others" would have to be built anew for each group. Here all points are sorted once into square
+bins, row by row, so small that the few around a point hold some twenty: a window around a point is a few runs of
+sorted points, which are compared without a branch. Points with none near look at rings of blocks of bins, past blocks
+that hold nothing but their own group, until no nearer point can follow.
 """
 
 import math
@@ -10,13 +11,18 @@ import math
 import numpy as np
 import numpy.typing as npt
 from numba import njit
-from scipy.spatial import cKDTree
 
 Array = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
+Bins = tuple[npt.NDArray[np.int32], npt.NDArray[np.int32], Array]
+"""Where each bin begins; the numbers of the points, bin by bin; the one group of each block, or a mark."""
+Layout = tuple[int, int, float]
+"""Rows and columns of bins, and the side of a bin, metres."""
 
-_POINTS_PER_BIN = 8.0
-_RINGS = 16
+_POINTS_PER_BIN = 0.5
+_BLOCK = 6
+"""Bins along a side of a block."""
+_EMPTY, _MIXED = -1.0, -2.0
 
 
 def nearest_other_m(points: Array, group: Integers) -> Array:
@@ -35,56 +41,83 @@ def nearest_other_m(points: Array, group: Integers) -> Array:
     size = np.maximum(high - low, 1e-9)
     side = max(math.sqrt(size[0] * size[1] * _POINTS_PER_BIN / len(points)), float(size.max()) / len(points))
     cols, rows = (int(n) + 1 for n in size // side)
-    starts, order = _sort_into_bins(points - low, (rows, cols, side))
-    distances = np.empty(len(points))
-    distances[order] = _search((points - low)[order], group[order], starts, (rows, cols, side))
-    for number in np.unique(group[np.isinf(distances)]):
-        far = np.isinf(distances) & (group == number)
-        tree = cKDTree(points[group != number], balanced_tree=False, compact_nodes=False)
-        distances[far] = tree.query(points[far])[0]
-    return distances
+    return np.asarray(_search(points - low, group, (rows, cols, side)))
 
 
 @njit(cache=True, nogil=True)
-def _search(points: Array, group: Integers, starts: Integers, layout: tuple[int, int, float]) -> Array:
+def _search(points: Array, group: Integers, layout: Layout) -> Array:
     rows, cols, side = layout
+    starts, order, owners = _sort_into_bins(points, group, layout)
+    x, y = points[order, 0], points[order, 1]
+    groups = group[order].astype(np.float64)  # as wide as what is compared beside it
     distances = np.empty(len(points))
     for k in range(len(points)):
-        x, y = points[k, 0], points[k, 1]
-        col, row = min(int(x / side), cols - 1), min(int(y / side), rows - 1)
-        margin = min(x - col * side, (col + 1) * side - x, y - row * side, (row + 1) * side - y)
         best = np.inf
-        found = False
-        for ring in range(_RINGS):
-            reach = max(margin, 0.0) + (ring - 1) * side  # nothing of this ring is nearer
-            found = (ring > 0 and best <= reach * reach) or ring > max(rows, cols)
-            if found:
+        for radius in (side, _BLOCK * side):
+            near = min(radius, math.sqrt(best))
+            first, last = max(int((x[k] - near) / side), 0), min(int((x[k] + near) / side), cols - 1)
+            for row in range(max(int((y[k] - near) / side), 0), min(int((y[k] + near) / side), rows - 1) + 1):
+                run = starts[row * cols + first], starts[row * cols + last + 1]
+                best = _scan_run((x, y, groups), k, run, best)
+            if best <= radius * radius:
                 break
-            for r in range(max(row - ring, 0), min(row + ring, rows - 1) + 1):
-                step = 1 if abs(r - row) == ring else max(2 * ring, 1)
-                for c in range(col - ring, col + ring + 1, step):
-                    if 0 <= c < cols:
-                        for m in range(starts[r * cols + c], starts[r * cols + c + 1]):
-                            if group[m] != group[k]:
-                                dx, dy = points[m, 0] - x, points[m, 1] - y
-                                best = min(best, dx * dx + dy * dy)
-        distances[k] = math.sqrt(best) if found else np.inf
+        else:
+            best = _search_blocks((x, y, groups), k, (starts, owners), layout, best)
+        distances[order[k]] = math.sqrt(best)
     return distances
 
 
 @njit(cache=True, nogil=True)
-def _sort_into_bins(points: Array, layout: tuple[int, int, float]) -> tuple[Integers, Integers]:
-    """Where each bin begins, and the numbers of the points, bin by bin."""
+def _sort_into_bins(points: Array, group: Integers, layout: Layout) -> Bins:
     rows, cols, side = layout
-    bins = np.empty(len(points), dtype=np.int64)
-    starts = np.zeros(rows * cols + 1, dtype=np.int64)
+    bins, order = np.empty(len(points), dtype=np.int32), np.empty(len(points), dtype=np.int32)
+    starts = np.zeros(rows * cols + 2, dtype=np.int32)  # one ahead: what is filled moves on to where it ends
+    owners = np.full((rows // _BLOCK + 1, cols // _BLOCK + 1), _EMPTY)
     for k in range(len(points)):
-        col, row = min(int(points[k, 0] / side), cols - 1), min(int(points[k, 1] / side), rows - 1)
+        row, col = min(int(points[k, 1] / side), rows - 1), min(int(points[k, 0] / side), cols - 1)
         bins[k] = row * cols + col
-        starts[bins[k] + 1] += 1
-    starts = np.cumsum(starts)
-    place, order = starts[:-1].copy(), np.empty(len(points), dtype=np.int64)
+        starts[bins[k] + 2] += 1
+        owner = owners[row // _BLOCK, col // _BLOCK]
+        owners[row // _BLOCK, col // _BLOCK] = group[k] if owner == _EMPTY or owner == group[k] else _MIXED
+    for k in range(2, len(starts)):
+        starts[k] += starts[k - 1]
     for k in range(len(points)):
-        order[place[bins[k]]] = k
-        place[bins[k]] += 1
-    return starts, order
+        order[starts[bins[k] + 1]] = k
+        starts[bins[k] + 1] += 1
+    return starts[:-1], order, owners
+
+
+@njit(cache=True, nogil=True)
+def _search_blocks(
+    points: tuple[Array, Array, Array], k: int, bins: tuple[npt.NDArray[np.int32], Array], layout: Layout, best: float
+) -> float:
+    """The least squared distance of point k to another group, or infinity; ``best`` is the least so far."""
+    (x, y, groups), (starts, owners), (rows, cols, side) = points, bins, layout
+    wide = side * _BLOCK
+    row, col = int(y[k] / wide), int(x[k] / wide)
+    for ring in range(max(owners.shape) + 1):
+        if ring > 0 and best <= ((ring - 1) * wide) ** 2:  # nothing of this ring is nearer
+            break
+        for r in range(max(row - ring, 0), min(row + ring, owners.shape[0] - 1) + 1):
+            step = 1 if abs(r - row) == ring else max(2 * ring, 1)
+            for c in range(col - ring, col + ring + 1, step):
+                if not 0 <= c < owners.shape[1] or owners[r, c] == _EMPTY or owners[r, c] == groups[k]:
+                    continue
+                dx = max(c * wide - x[k], x[k] - (c + 1) * wide, 0.0)
+                dy = max(r * wide - y[k], y[k] - (r + 1) * wide, 0.0)
+                if dx * dx + dy * dy < best:
+                    for inner in range(r * _BLOCK, min((r + 1) * _BLOCK, rows)):
+                        first, end = inner * cols + c * _BLOCK, inner * cols + min((c + 1) * _BLOCK, cols)
+                        best = _scan_run(points, k, (starts[first], starts[end]), best)
+    return best
+
+
+@njit(inline="always")
+def _scan_run(points: tuple[Array, Array, Array], k: int, run: tuple[int, int], best: float) -> float:
+    """The least of ``best`` and the squared distances of point k to those of a run that belong to another group."""
+    x, y, groups = points
+    for m in range(run[0], run[1]):
+        dx, dy = x[m] - x[k], y[m] - y[k]
+        squared = dx * dx + dy * dy
+        best = min(best, squared if groups[m] != groups[k] else np.inf)
+    return best

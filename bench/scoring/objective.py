@@ -5,6 +5,7 @@ authors' other work makes most plausible; its value under the *true* motions, th
 shown, because a figure at the floor ranks nothing: methods are ranked by pose error against truth.
 """
 
+import functools
 import math
 from collections.abc import Sequence
 
@@ -34,10 +35,8 @@ def map_objective(distances_cells: Array) -> float:
     if distances_cells.size == 0:
         return math.nan
     squared = np.sort(distances_cells) ** 2
-    counts = np.arange(1, squared.size + 1)
-    xi = counts / squared.size
-    values = np.cumsum(squared) / counts / xi ** (1.0 + LAMBDA)
-    return float(values[xi >= MIN_OVERLAP].min())
+    counts, divisors, first = _trims(squared.size)
+    return float((np.cumsum(squared)[first:] / counts / divisors).min())
 
 
 def score_objective(
@@ -66,3 +65,12 @@ def score_objective(
             if np.isfinite(own).any():
                 values.append(map_objective(own / resolutions_m[k]))
     return float(np.mean(values)) if values else math.nan
+
+
+@functools.lru_cache(maxsize=256)
+def _trims(size: int) -> tuple[npt.NDArray[np.int64], Array, int]:
+    """The counts of points that may be kept, ``xi^(1 + lambda)`` of each, and how many smaller counts there are."""
+    counts = np.arange(1, size + 1)
+    xi = counts / size
+    first = int(np.argmax(xi >= MIN_OVERLAP))
+    return counts[first:], xi[first:] ** (1.0 + LAMBDA), first

@@ -1,6 +1,7 @@
 """Are the relative motions right? Scores of pairs, before and after the method's confirmation, against truth."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,8 @@ RIGHT_WITHIN_DEG = 3.0
 """A pair's motion is right within it, degrees."""
 OVERLAPPING_FROM = 0.2
 """Pairs whose true overlap, in the better direction, is at least this ought to be found."""
+
+_NO_MOTION = np.full((3, 3), np.nan)
 
 
 @dataclass(frozen=True)
@@ -40,11 +43,18 @@ class PairScores:
 
 def pair_errors(pair: PredictedPair, T_world_map: Array) -> tuple[float, float]:
     """Error of a pair's motion against ``inv(T_world_target) @ T_world_source``: metres, degrees; NaN without one."""
-    if pair.T_target_source is None:
-        return math.nan, math.nan
-    T_true = se2.invert(T_world_map[pair.target]) @ T_world_map[pair.source]
-    error_m, error_deg = metrics.motion_errors(T_true, pair.T_target_source)
-    return float(error_m), float(error_deg)
+    return errors_of_pairs([pair], T_world_map)[0]
+
+
+def errors_of_pairs(pairs: Sequence[PredictedPair], T_world_map: Array) -> list[tuple[float, float]]:
+    """`pair_errors` of many pairs at once."""
+    if not pairs:
+        return []
+    target, source = np.array([(pair.target, pair.source) for pair in pairs]).T
+    motions = [_NO_MOTION if pair.T_target_source is None else pair.T_target_source for pair in pairs]
+    T_true = se2.invert(T_world_map[target]) @ T_world_map[source]
+    error_m, error_deg = metrics.motion_errors(T_true, np.array(motions))
+    return list(zip(error_m.tolist(), error_deg.tolist(), strict=True))
 
 
 def is_right(pair: PredictedPair, T_world_map: Array) -> bool:
@@ -65,7 +75,9 @@ def score_pairs(prediction: Prediction, T_world_map: Array, overlap: Array) -> P
         T_world_map: (N, 3, 3) true poses of the maps.
         overlap: (N, N) true overlap; a pair counts as overlapping by the larger of its two directions.
     """
-    found = [(pair, is_right(pair, T_world_map)) for pair in prediction.pairs if pair.T_target_source is not None]
+    errors = errors_of_pairs(prediction.pairs, T_world_map)
+    judged = [(pair, within_bounds(*error)) for pair, error in zip(prediction.pairs, errors, strict=True)]
+    found = [(pair, right) for pair, right in judged if pair.T_target_source is not None]
     reliable = [(pair, right) for pair, right in found if pair.status == "reliable"]
     if not prediction.pairs:
         return PairScores(math.nan, math.nan, math.nan, math.nan, 0, 0)

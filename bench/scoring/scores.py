@@ -1,7 +1,6 @@
 """What is known of one method on one dataset, computed: its row of the scores, and those of its maps and pairs."""
 
 import math
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -25,9 +24,9 @@ def score_result(
     grids = grid_metrics.score_grids(yardstick.grid, errors.T_world_ref @ prediction.T_ref_map)
     stages: dict[str, Any] = {f"runtime_{s}_s": prediction.stages_s.get(s, math.nan) for s in STAGES}
     judged = np.isfinite(errors.error_m)
-    fields: dict[str, Any] = (
-        asdict(metrics.score_placement(prediction, errors)) | asdict(pairs) | asdict(relations) | asdict(grids)
-    )
+    fields: dict[str, Any] = {}
+    for record in (metrics.score_placement(prediction, errors), pairs, relations, grids):
+        fields |= vars(record)
     score = Score(
         status=outcome.status,
         reason=outcome.reason,
@@ -71,8 +70,8 @@ def _pair_scores(
     prediction: Prediction, T_world_map: npt.NDArray[np.float64], overlap: npt.NDArray[np.float64]
 ) -> list[PairScore]:
     rows = []
-    for pair in prediction.pairs:
-        error_m, error_deg = pair_metrics.pair_errors(pair, T_world_map)
+    errors = pair_metrics.errors_of_pairs(prediction.pairs, T_world_map)
+    for pair, (error_m, error_deg) in zip(prediction.pairs, errors, strict=True):
         rows.append(
             PairScore(
                 target=prediction.names[pair.target],

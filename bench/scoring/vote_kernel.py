@@ -6,6 +6,7 @@ from numba import njit
 
 OCCUPIED, FREE = 1, 2
 """Marks of cells; 0 is unknown."""
+_BITS, _LOW = np.uint32(16), np.uint32(0xFFFF)
 
 
 @njit(cache=True, nogil=True)
@@ -38,13 +39,72 @@ def add_votes(
 
 
 @njit(cache=True, nogil=True)
-def count_agreements(occupied: npt.NDArray[np.uint16], free: npt.NDArray[np.uint16]) -> tuple[int, int]:
-    """How often, over all cells and all two maps that know a cell, they agree on it, and how often they do not."""
-    agree, disagree = 0, 0
-    for o, f in zip(occupied.flat, free.flat):  # noqa: B905  # numba knows no strict
-        agree += (int(o) * (int(o) - 1) + int(f) * (int(f) - 1)) // 2
-        disagree += int(o) * int(f)
-    return agree, disagree
+def compare_cells(
+    marks: npt.NDArray[np.uint8],
+    sheets: npt.NDArray[np.int64],
+    T_sheet_raster: npt.NDArray[np.float64],
+    true: npt.NDArray[np.uint8],
+    place: tuple[int, int, int, int],
+) -> tuple[int, int, int, int, int, int]:
+    """Lay maps onto a raster, a row at a time that is counted and forgotten, and compare it with the true one.
+
+    Args:
+        marks: (M,) cells of all maps, row by row, one map after the other.
+        sheets: (N, 7) of each map: where it begins in ``marks``, its rows and columns, and the window of the raster
+            that it touches: first and last row, first and last column, the last ones not included.
+        T_sheet_raster: (N, 3, 3) as in `add_votes`.
+        true: (h, w) marks of the true raster.
+        place: Rows and columns of the raster, and the row and column of it where the true one begins.
+
+    Returns:
+        How often, over all cells and all two maps that know a cell, they agree on it, and how often they do not;
+        then cells that are occupied in both rasters, in either; free in both, in either.
+    """
+    rows, cols, top, left = place
+    agree, disagree, walls, all_walls, floor, all_floor = 0, 0, 0, 0, 0, 0
+    votes, at = np.empty(cols, dtype=np.uint32), np.empty(cols, dtype=np.int32)
+    true_row = np.zeros(cols, dtype=np.uint8)
+    for row in range(rows):
+        votes[:] = 0
+        for k in range(len(sheets)):
+            if sheets[k, 3] <= row < sheets[k, 4]:
+                _add_row(marks, sheets[k], T_sheet_raster[k], row, (votes, at))
+        true_row[:] = 0
+        if top <= row < top + len(true):
+            true_row[left : left + true.shape[1]] = true[row - top]
+        for col in range(cols):
+            o, f = np.int64(votes[col] & _LOW), np.int64(votes[col] >> _BITS)
+            wall, free = (o > 0) & (o >= f), f > o
+            true_wall, true_free = (true_row[col] & OCCUPIED) != 0, (true_row[col] & FREE) != 0
+            agree += int((o * (o - 1) + f * (f - 1)) >> 1)
+            disagree += int(o * f)
+            walls += wall & true_wall
+            all_walls += wall | true_wall
+            floor += free & true_free
+            all_floor += free | true_free
+    return agree, disagree, walls, all_walls, floor, all_floor
+
+
+@njit(inline="always")
+def _add_row(
+    marks: npt.NDArray[np.uint8],
+    sheet: npt.NDArray[np.int64],
+    T: npt.NDArray[np.float64],
+    row: int,
+    buffers: tuple[npt.NDArray[np.uint32], npt.NDArray[np.int32]],
+) -> None:
+    """Count what one map says along a row of the raster: occupied in the lower half of a number, free in the upper."""
+    votes, at = buffers
+    x0, y0 = T[0, 1] * (row + 0.5) + T[0, 2], T[1, 1] * (row + 0.5) + T[1, 2]
+    width = np.int32(sheet[2])
+    first, last = _clip(x0, T[0, 0], sheet[2], sheet[5], sheet[6])
+    first, last = _clip(y0, T[1, 0], sheet[1], first, last)
+    for col in range(first, last):
+        at[col] = np.int32(y0 + T[1, 0] * (col + 0.5)) * width + np.int32(x0 + T[0, 0] * (col + 0.5))
+    cells = marks[sheet[0] : sheet[0] + sheet[1] * sheet[2]]
+    for col in range(first, last):
+        mark = np.uint32(cells[np.uint32(at[col])])
+        votes[col] += (mark & np.uint32(OCCUPIED)) | ((mark >> np.uint32(1)) << _BITS)
 
 
 @njit(cache=True, nogil=True)

@@ -1,7 +1,8 @@
-"""A yardstick on disk, so that it is worked out when its dataset is made, and not while methods are timed."""
+"""A yardstick on disk, so that it is worked out when its dataset is made, and not while methods are timed.
 
-import io
-import zipfile
+The file is mapped into memory as it is: whole numbers, then floating-point numbers, then cells, a byte each.
+"""
+
 from pathlib import Path
 from typing import Any
 
@@ -10,68 +11,67 @@ import numpy.typing as npt
 
 from bench.scoring.grid_metrics import TrueGrid
 from bench.scoring.map_raster import Raster, Sheet
-from bench.scoring.vote_kernel import FREE, OCCUPIED
 from bench.scoring.yardstick import Yardstick
 from sim.maps.truth import Truth
 
-Mask = npt.NDArray[np.bool_]
+_MAGIC = 0x4B43495453445259
+_HEAD = 5
+"""Whole numbers before those of each map: the magic number, maps, edge points, rows and columns of the true map."""
+_FACTS = 4
+"""Floating-point numbers before those of each map: left and lower edge and cell of the raster, the floor."""
+_PER_MAP = 11
+"""Floating-point numbers of each map: its resolution, its sheet's, and the sheet's place."""
 
 
 def encode_yardstick(yardstick: Yardstick) -> bytes:
     """The content of a file: all but the truth; the numbers come back as they were, to the last bit."""
-    raster, sheets = yardstick.grid.raster, yardstick.grid.sheets
-    arrays: dict[str, npt.NDArray[Any]] = {
-        "edges": np.concatenate([np.zeros((0, 2)), *yardstick.edges_map]),
-        "num_edges": np.array([len(edges) for edges in yardstick.edges_map], dtype=np.int64),
-        "resolutions_m": np.array(yardstick.resolutions_m),
-        "objective_floor": np.array(yardstick.objective_floor),
-        "raster": np.array([raster.x_min_m, raster.y_min_m, raster.cell_m]),
-        "shapes": np.array([(raster.rows, raster.cols), *(sheet.marks.shape for sheet in sheets)]),
-        "sheet_resolutions_m": np.array([sheet.resolution_m for sheet in sheets]),
-        "T_map_sheet": np.array([sheet.T_map_sheet for sheet in sheets]).reshape(-1, 3, 3),
-        "walls": np.packbits(np.concatenate([yardstick.grid.walls.ravel(), *(_cells(s, OCCUPIED) for s in sheets)])),
-        "free": np.packbits(np.concatenate([yardstick.grid.free.ravel(), *(_cells(s, FREE) for s in sheets)])),
-    }
-    file = io.BytesIO()
-    np.savez(file, **arrays)  # type: ignore[arg-type]  # its stub takes "allow_pickle" for one of the arrays
-    return file.getvalue()
+    grid, raster, edges = yardstick.grid, yardstick.grid.raster, yardstick.edges_map
+    head = [_MAGIC, len(edges), sum(map(len, edges)), raster.rows, raster.cols]
+    whole = [*head, *map(len, edges), *(n for sheet in grid.sheets for n in sheet.marks.shape)]
+    facts = [raster.x_min_m, raster.y_min_m, raster.cell_m, yardstick.objective_floor]
+    maps = zip(yardstick.resolutions_m, grid.sheets, strict=True)
+    numbers = [[m, sheet.resolution_m, *sheet.T_map_sheet.ravel().tolist()] for m, sheet in maps]
+    floats = np.concatenate([facts, np.ravel(numbers), *map(np.ravel, edges)])
+    return b"".join(
+        [np.array(whole, dtype=np.int64).tobytes(), floats.tobytes(), grid.cells.tobytes(), grid.marks.tobytes()]
+    )
 
 
 def read_yardstick(path: Path, truth: Truth) -> Yardstick | None:
     """A yardstick that was written, for the truth of its dataset; none where there is no sound file."""
     try:
-        with np.load(path) as file:
-            arrays = dict(file)
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        data = np.asarray(np.memmap(path, dtype=np.uint8, mode="c"))
+    except (OSError, ValueError):
         return None
-    ends = np.cumsum(arrays["num_edges"])[:-1]
+    head = data[: 8 * _HEAD].view(np.int64).tolist() if len(data) >= 8 * _HEAD else [0]
+    if head[0] != _MAGIC:
+        return None
+    _, count, num_edges, rows, cols = head
+    ends = np.cumsum([8 * (_HEAD + 3 * count), 8 * (_FACTS + _PER_MAP * count + 2 * num_edges), rows * cols])
+    whole, floats, cells, marks = np.split(data, ends)
+    sizes = whole.view(np.int64)[_HEAD:]
+    shapes = sizes[count:].reshape(-1, 2)
+    if len(marks) != shapes.prod(axis=1).sum():
+        return None
+    facts, numbers, edges = np.split(floats.view(np.float64), [_FACTS, _FACTS + _PER_MAP * count])
+    per_map = numbers.reshape(-1, _PER_MAP)
+    x_min_m, y_min_m, cell_m, floor = facts.tolist()
+    raster = Raster(x_min_m, y_min_m, cell_m, rows, cols)
+    sheets = _sheets(marks, shapes, per_map[:, 1:])
     return Yardstick(
         truth=truth,
-        edges_map=tuple(np.split(arrays["edges"], ends)),
-        resolutions_m=tuple(arrays["resolutions_m"].tolist()),
-        grid=_grid(arrays, truth),
-        objective_floor=float(arrays["objective_floor"]),
+        edges_map=tuple(np.split(edges.reshape(-1, 2), np.cumsum(sizes[:count])[:-1])),
+        resolutions_m=tuple(per_map[:, 0].tolist()),
+        grid=TrueGrid(sheets, marks, truth.T_world_map, raster, cells.reshape(rows, cols)),
+        objective_floor=floor,
     )
 
 
-def _cells(sheet: Sheet, mark: int) -> Mask:
-    return np.asarray(sheet.marks == mark).ravel()
-
-
-def _grid(arrays: dict[str, npt.NDArray[Any]], truth: Truth) -> TrueGrid:
-    shapes = arrays["shapes"].tolist()
-    walls, free = (_split(arrays[name], shapes) for name in ("walls", "free"))
-    places = zip(walls[1:], free[1:], arrays["sheet_resolutions_m"].tolist(), arrays["T_map_sheet"], strict=True)
-    sheets = [
-        Sheet(w.view(np.uint8) * np.uint8(OCCUPIED) | f.view(np.uint8) * np.uint8(FREE), m, T) for w, f, m, T in places
-    ]
-    raster = Raster(*arrays["raster"].tolist(), *shapes[0])
-    return TrueGrid(tuple(sheets), truth.T_world_map, raster, walls[0], free[0])
-
-
-def _split(bits: npt.NDArray[np.uint8], shapes: list[list[int]]) -> list[Mask]:
-    """Masks of these shapes from their bits, one after the other."""
-    sizes = [rows * cols for rows, cols in shapes]
-    cells = np.unpackbits(bits, count=sum(sizes)).view(np.bool_)
-    parts = np.split(cells, np.cumsum(sizes)[:-1])
-    return [part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)]
+def _sheets(
+    marks: npt.NDArray[np.uint8], shapes: npt.NDArray[np.int64], numbers: npt.NDArray[Any]
+) -> tuple[Sheet, ...]:
+    parts = np.split(marks, np.cumsum(shapes.prod(axis=1))[:-1])
+    return tuple(
+        Sheet(part.reshape(shape), float(row[0]), row[1:].reshape(3, 3))
+        for part, shape, row in zip(parts, shapes.tolist(), numbers, strict=True)
+    )

@@ -8,6 +8,7 @@ from bench.scoring.nearest_other import nearest_other_m
 from bench.scoring.statistics import breaking_point, wilson_share
 from merger import se2
 from merger.edges import extract_edge_points
+from merger.grid_map import GridMap
 
 
 def draw_motions(seed: int, count: int) -> np.ndarray:
@@ -125,9 +126,36 @@ def test_a_map_that_is_laid_beyond_the_true_map_costs_its_cells_twice(dataset, s
 
 
 def test_the_acceptance_index_counts_pairs_of_maps() -> None:
-    occupied, free = np.array([[2, 1, 0]], dtype=np.int32), np.array([[0, 1, 3]], dtype=np.int32)
-    index, count = grid_metrics.acceptance_index(occupied, free)
-    assert (index, count) == (4 / 5, 5)
+    rows = [[2.0, -2.0, 0.0], [-2.0, -2.0, 0.0], [2.0, -2.0, 2.0]]
+    maps = [GridMap(f"m{k}", np.array([row], dtype=np.float32), 0.1) for k, row in enumerate(rows)]
+    poses = np.broadcast_to(np.eye(3), (3, 3, 3))
+    scores = grid_metrics.score_grids(grid_metrics.lay_true_grid(maps, poses), poses)
+    assert (scores.acceptance, scores.acceptance_count) == (4 / 6, 6)
+    alone = np.concatenate([poses[:1], np.full((2, 3, 3), np.nan)])
+    assert np.isnan(grid_metrics.score_grids(grid_metrics.lay_true_grid(maps, poses), alone).acceptance)
+
+
+@pytest.mark.parametrize("moved", [(0.0, 0.0, 0.0), (0.4, -0.3, 0.2), (-20.0, 3.0, 2.0)])
+def test_a_merge_is_compared_with_the_truth_cell_by_cell(dataset, moved) -> None:
+    maps, T = dataset.maps, dataset.truth.T_world_map
+    estimated = T @ np.stack([np.eye(3), se2.make_motion(*moved)] * (len(T) // 2))
+    true = grid_metrics.lay_true_grid(maps, T)
+    sheets = [map_raster.make_sheet(m) for m in maps]
+    low, high = map_raster.bounds_m([*sheets, *sheets], np.concatenate([T, estimated]))
+    cell, pads = true.raster.cell_m, np.ceil((np.array([true.raster.x_min_m, true.raster.y_min_m]) - low) / 0.05)
+    corner = np.array([true.raster.x_min_m, true.raster.y_min_m]) - pads * cell
+    cols, rows = np.ceil((high - corner) / cell).astype(int) + 1
+    raster = map_raster.Raster(*corner, cell, rows, cols)
+    layers = [map_raster.count_votes(sheets, poses, raster) for poses in (T, estimated)]
+    walls = [(o > 0) & (o >= f) for o, f in layers]
+    floors = [(f > 0) & (f > o) for o, f in layers]
+    occupied, free = (layer.astype(int) for layer in layers[1])
+    agree, disagree = (occupied * (occupied - 1) + free * (free - 1)).sum() // 2, (occupied * free).sum()
+    scores = grid_metrics.score_grids(true, estimated)
+    assert abs(scores.acceptance_count - agree - disagree) <= 1e-3 * (agree + disagree)  # cells on borders
+    np.testing.assert_allclose(scores.acceptance, agree / (agree + disagree), rtol=1e-3)
+    for value, (was, now) in ((scores.iou_occupied, walls), (scores.iou_free, floors)):
+        np.testing.assert_allclose(value, (was & now).sum() / (was | now).sum(), rtol=1e-3)
 
 
 @pytest.mark.parametrize("theta", [0.0, 1e-18, 0.3, np.pi / 2, -2.5])

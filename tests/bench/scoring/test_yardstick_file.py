@@ -12,7 +12,7 @@ from merger import se2
 
 
 def test_a_yardstick_comes_back_from_its_file_to_the_last_bit(dataset, answer, tmp_path):
-    made, path = make_yardstick(dataset), tmp_path / "yardstick.npz"
+    made, path = make_yardstick(dataset), tmp_path / "yardstick.bin"
     path.write_bytes(encode_yardstick(made))
     read = read_yardstick(path, dataset.truth)
     shifted = dataset.truth.T_world_map @ se2.make_motion(0.1, -0.2, 0.03)
@@ -27,7 +27,7 @@ def test_a_yardstick_comes_back_from_its_file_to_the_last_bit(dataset, answer, t
 
 def test_a_file_that_is_missing_cut_off_or_something_else_is_no_yardstick(dataset, tmp_path):
     whole = encode_yardstick(make_yardstick(dataset))
-    for k, content in enumerate([whole[: len(whole) // 2], b"", b"no archive"]):
-        (tmp_path / f"{k}.npz").write_bytes(content)
-        assert read_yardstick(tmp_path / f"{k}.npz", dataset.truth) is None
-    assert read_yardstick(tmp_path / "nothing.npz", dataset.truth) is None
+    for k, content in enumerate([whole[: len(whole) // 2], b"", bytes(64), whole + b"x"]):
+        (tmp_path / f"{k}.bin").write_bytes(content)
+        assert read_yardstick(tmp_path / f"{k}.bin", dataset.truth) is None
+    assert read_yardstick(tmp_path / "nothing.bin", dataset.truth) is None
