@@ -1,6 +1,5 @@
 """Fill rooms with furniture and clutter, and keep a way free from every door to the room's own point."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -9,16 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from sim.buildings import furniture
-from sim.buildings.furniture import Piece
 from sim.buildings.grid_paths import grid_graph, search, trace_path
 from sim.buildings.plan import Array, Room, Solid
+from sim.buildings.room_filling import CELL_M, Filler, Mask
 from sim.buildings.room_kinds import FURNISHINGS, RoomKind
-
-Mask = npt.NDArray[np.bool_]
-
-_CELL_M = 0.05
-_TRIES = 14
-"""Places tried for a piece before it is left out."""
 
 
 @dataclass(frozen=True)
@@ -62,15 +55,15 @@ class _Floor:
 
     def __init__(self, solids: Sequence[Solid]) -> None:
         corners = np.concatenate([s.polygon for s in solids])
-        self.origin_m = corners.min(axis=0) - 2.0 * _CELL_M
-        cols, rows = np.ceil((corners.max(axis=0) - self.origin_m) / _CELL_M).astype(int) + 3
+        self.origin_m = corners.min(axis=0) - 2.0 * CELL_M
+        cols, rows = np.ceil((corners.max(axis=0) - self.origin_m) / CELL_M).astype(int) + 3
         self.taken = np.zeros((rows, cols), dtype=np.uint8)
         for solid in solids:
             cv2.fillConvexPoly(self.taken, self.pixels(solid.polygon), 1)
 
     def pixels(self, points: Array) -> npt.NDArray[np.int32]:
         """(N, 2) pixels (col, row) that hold (N, 2) points in metres."""
-        return np.asarray(np.floor((points - self.origin_m) / _CELL_M), dtype=np.int32)
+        return np.asarray(np.floor((points - self.origin_m) / CELL_M), dtype=np.int32)
 
 
 def furnish_rooms(
@@ -87,6 +80,9 @@ def furnish_rooms(
 
     Returns:
         The new solids. From every door of a room a way of ``passage_m`` is free to the room's point.
+
+    Raises:
+        ValueError: a room lies outside the building.
     """
     floor = _Floor(solids)
     placed: list[Solid] = []
@@ -104,17 +100,19 @@ def _furnish(
     low = floor.pixels(np.array([rect[:2] for rect in area.rects]).min(axis=0, keepdims=True))[0]
     high = floor.pixels(np.array([rect[2:] for rect in area.rects]).max(axis=0, keepdims=True))[0] + 1
     low = np.maximum(low, 0)
+    if not (low < np.minimum(high, floor.taken.shape[::-1])).all():
+        raise ValueError(f"room '{area.room.name}' lies outside the building")
     inside = np.zeros((high[1] - low[1], high[0] - low[0]), dtype=np.uint8)
     for rect in area.rects:
         (x0, y0), (x1, y1) = floor.pixels(np.reshape(rect, (2, 2))) - low
         inside[max(y0, 0) : y1 + 1, max(x0, 0) : x1 + 1] = 1
     taken = floor.taken[low[1] : high[1], low[0] : high[0]]
     inside = inside[: taken.shape[0], : taken.shape[1]]
-    origin_m = floor.origin_m + low * _CELL_M
+    origin_m = floor.origin_m + low * CELL_M
     usable = (inside > 0) & (taken == 0)
     usable &= ~_kept_free(usable, area, doors, origin_m, config)
-    filler = _Filler(usable, (inside > 0) & (taken > 0), origin_m, rng)
-    area_m2 = float(np.count_nonzero(inside)) * _CELL_M**2
+    filler = Filler(usable, (inside > 0) & (taken > 0), origin_m, rng)
+    area_m2 = float(np.count_nonzero(inside)) * CELL_M**2
     furnishing = FURNISHINGS[area.kind]
     if rng.random() < furnishing.bays:
         filler.put_bays()
@@ -128,10 +126,10 @@ def _furnish(
 
 def _kept_free(usable: Mask, area: RoomArea, doors: Array, origin_m: Array, config: FurnishConfig) -> Mask:
     """(H, W) cells of the ways from the doors to the room's point, and of the middle of corridors."""
-    clearance = cv2.distanceTransform(usable.astype(np.uint8), cv2.DIST_L2, 3) * _CELL_M
+    clearance = cv2.distanceTransform(usable.astype(np.uint8), cv2.DIST_L2, 3) * CELL_M
     kept = np.zeros(usable.shape, dtype=np.uint8)
-    half_px = round(config.passage_m / 2.0 / _CELL_M)
-    anchor = np.floor((np.array([area.room.x_m, area.room.y_m]) - origin_m) / _CELL_M).astype(int)
+    half_px = round(config.passage_m / 2.0 / CELL_M)
+    anchor = np.floor((np.array([area.room.x_m, area.room.y_m]) - origin_m) / CELL_M).astype(int)
     cv2.circle(kept, (int(anchor[0]), int(anchor[1])), half_px + 2, 1, -1)
     step = 2
     coarse = usable[::step, ::step]
@@ -143,87 +141,15 @@ def _kept_free(usable: Mask, area: RoomArea, doors: Array, origin_m: Array, conf
     source = nodes[np.argmin(np.abs(centers - anchor).sum(axis=1))]
     _, before = search(graph, int(source))
     for x, y, width in doors:
-        pixel = (np.array([x, y]) - origin_m) / _CELL_M
+        pixel = (np.array([x, y]) - origin_m) / CELL_M
         distances = np.hypot(*(centers - pixel).T)
         nearest = int(np.argmin(distances))
-        if distances[nearest] * _CELL_M > 0.5:
+        if distances[nearest] * CELL_M > 0.5:
             continue
-        cv2.circle(kept, (int(pixel[0]), int(pixel[1])), round((width / 2.0 + 0.3) / _CELL_M), 1, -1)
+        cv2.circle(kept, (int(pixel[0]), int(pixel[1])), round((width / 2.0 + 0.3) / CELL_M), 1, -1)
         path = trace_path(before, int(nodes[nearest]))
         route = np.stack([path % coarse.shape[1], path // coarse.shape[1]], axis=-1) * step
         cv2.polylines(kept, [route.astype(np.int32)], False, 1, 2 * half_px)
     if area.kind == RoomKind.CORRIDOR:
         kept[clearance > (0.35 if clearance.max() < 1.1 else 0.55)] = 1
     return kept > 0
-
-
-class _Filler:
-    """One room's free floor while it fills up."""
-
-    def __init__(self, usable: Mask, walls: Mask, origin_m: Array, rng: np.random.Generator) -> None:
-        self.usable, self.origin_m, self.rng = usable, origin_m, rng
-        self.solids: list[Solid] = []
-        self._backs = _wall_cells(usable, walls)
-        self._cells = np.argwhere(usable)
-
-    def put(self, piece: Piece, against_wall: bool) -> None:
-        """Find a place for a piece and put it there; without a place it is left out."""
-        places = self._backs if against_wall else self._cells
-        if len(places) == 0:
-            return
-        for k in self.rng.integers(0, len(places), _TRIES):
-            row, col = places[k][:2]
-            if against_wall:
-                angle = float(places[k][2]) * math.pi / 2.0
-            else:
-                angle = float(self.rng.integers(0, 4)) * math.pi / 2.0 + self.rng.normal(0.0, 0.08)
-            x, y = (np.array([col, row]) + 0.5) * _CELL_M + self.origin_m
-            if self._stand(piece, x, y, angle):
-                return
-
-    def put_bays(self) -> None:
-        """A row of equal piers along the longest wall of one side of the room."""
-        if len(self._backs) == 0:
-            return
-        side = self._backs[self.rng.integers(len(self._backs)), 2]
-        wall = self._backs[self._backs[:, 2] == side]
-        across = 0 if side % 2 == 0 else 1
-        line = wall[wall[:, across] == np.bincount(wall[:, across]).argmax()]
-        step = round(self.rng.uniform(0.9, 2.4) / _CELL_M)
-        piece = furniture.pier(self.rng)
-        first = int(self.rng.integers(step))
-        for row, col, _ in line[first::step]:
-            x, y = (np.array([col, row]) + 0.5) * _CELL_M + self.origin_m
-            self._stand(piece, x, y, float(side) * math.pi / 2.0)
-
-    def _stand(self, piece: Piece, x: float, y: float, angle_rad: float) -> bool:
-        """Put a piece at a pose if its floor is free."""
-        free = self._claim(furniture.footprint(piece, x, y, angle_rad, 0.02))
-        if free:
-            self.solids.extend(furniture.place(piece, x, y, angle_rad))
-        return free
-
-    def _claim(self, polygon: Array) -> bool:
-        """Take the cells below a footprint if all of them are usable."""
-        pixels = np.floor((polygon - self.origin_m) / _CELL_M).astype(np.int32)
-        low, high = pixels.min(axis=0), pixels.max(axis=0) + 1
-        if low.min() < 0 or high[0] > self.usable.shape[1] or high[1] > self.usable.shape[0]:
-            return False
-        window = self.usable[low[1] : high[1], low[0] : high[0]]
-        shape = np.zeros(window.shape, dtype=np.uint8)
-        cv2.fillConvexPoly(shape, pixels - low, 1)
-        if not window[shape > 0].all():
-            return False
-        window[shape > 0] = False
-        return True
-
-
-def _wall_cells(usable: Mask, walls: Mask) -> npt.NDArray[np.int64]:
-    """(N, 3) row, column, and quarter turns of a piece whose back is to the wall beside that cell."""
-    padded = np.pad(walls, 1)
-    found = []
-    for quarter, (d_row, d_col) in enumerate([(-1, 0), (0, 1), (1, 0), (0, -1)]):
-        beside = padded[1 + d_row : 1 + d_row + walls.shape[0], 1 + d_col : 1 + d_col + walls.shape[1]]
-        cells = np.argwhere(usable & beside)
-        found.append(np.column_stack([cells, np.full(len(cells), quarter)]))
-    return np.concatenate(found)

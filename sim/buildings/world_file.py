@@ -43,6 +43,7 @@ from sim.buildings.yaml_fields import check_fields, read_list, read_numbers, rea
 _FIELDS = {"thickness", "walls", "doors", "furniture", "rooms", "starts", "waypoints", "seed"}
 _DEFAULT_THICKNESS_M = 0.15
 _CHORD_M = 0.4
+_FULL_TURN_DEG = 360.0
 _START_WIDTH_M = 0.4
 """A start is kept free like a door of this width."""
 
@@ -80,7 +81,7 @@ def _read_document(path: Path) -> dict[str, Any]:
         raise WorldFileError(f"{path}: no such file") from None
     except (OSError, UnicodeDecodeError) as error:
         raise WorldFileError(f"{path}: cannot be read ({type(error).__name__})") from None
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise WorldFileError(f"{path}: not YAML ({' '.join(str(error).split())})") from None
     if not isinstance(document, dict):
         raise WorldFileError(f"{path}: neither a world file nor a map (no fields)")
@@ -125,6 +126,8 @@ def _walls(where: str, item: Any, thickness_m: float) -> list[Wall]:
 def _arc(where: str, value: Any) -> npt.NDArray[np.float64]:
     """(M, 2) points on an arc, chords of about 0.4 m."""
     x, y, radius, first, last = read_numbers(f"{where}.arc", value, 5)
+    if abs(last - first) > _FULL_TURN_DEG:
+        raise ValueError(f"{where}.arc must be at most a full turn, got {abs(last - first):g} degrees")
     turn = math.radians(last - first)
     count = max(2, math.ceil(abs(turn) * read_positive(f"{where}.arc radius", radius) / _CHORD_M) + 1)
     angles = math.radians(first) + np.linspace(0.0, turn, count)

@@ -76,7 +76,10 @@ def test_furnishing_more_gives_more_and_keeps_the_room_reachable(tmp_path: Path)
     [
         ("", "no fields"),
         ("walls: [", "not YAML"),
+        ("walls: 2001-99-99\n" + STARTS, "not YAML"),
+        ("walls: " + 5000 * "[", "not YAML"),
         ("walls: []\n" + STARTS, "no walls"),
+        (BOX + "  - {arc: [4, 3, 1, 0, 1.0e+9]}\n" + STARTS, r"walls\[1\].arc must be at most a full turn, got 1e\+09"),
         (BOX + STARTS + "walsl: 1\n", "unknown field 'walsl'"),
         (BOX, "no place where a robot can start"),
         (BOX + "  - [[1, 1], [1000000, 1]]\n" + STARTS, "too large: at most 100000 m²"),
@@ -94,6 +97,14 @@ def test_furnishing_more_gives_more_and_keeps_the_room_reachable(tmp_path: Path)
         (BOX + STARTS + "furniture: [{bax: [1, 1, 1, 1]}]\n", r"furniture\[0\] has an unknown field 'bax'"),
         (BOX + STARTS + "rooms: [{at: [1, 1], furnish: casino}]\n", "furnish must be one of"),
         (BOX + STARTS + "rooms: [{rect: [4, 0, 1, 6]}]\n", "x0 < x1"),
+        (
+            BOX + STARTS + "rooms: [{name: r, rect: [20, 0, 30, 6], furnish: lab}]\n",
+            "room 'r' lies outside the building",
+        ),
+        (
+            BOX + STARTS + "rooms: [{name: r, rect: [1, -9, 2, -7], furnish: lab}]\n",
+            "room 'r' lies outside the building",
+        ),
         (BOX + STARTS + "waypoints: [[1, 2]]\n", r"waypoints\[0\]"),
     ],
 )
