@@ -17,7 +17,8 @@ from bench.mergers.isolation import Limits, run_isolated
 from bench.mergers.map_cache import write_map_cache
 from bench.mergers.methods import ordered_maps, preload_of, python_methods, run_method
 from bench.mergers.servers import Preload, find_server
-from bench.scoring.result_reader import PredictionError, read_prediction
+from bench.scoring.result_document import PredictionError
+from bench.scoring.result_reader import read_prediction
 from bench.scoring.scores import score_failure, score_result
 from bench.scoring.yardstick import Yardstick, make_yardstick
 from bench.scoring.yardstick_file import encode_yardstick, read_yardstick
@@ -26,6 +27,8 @@ from sim.config import num_submaps, to_plain_dict
 from sim.datasets.dataset import make_dataset, read_dataset
 from sim.maps.truth import read_truth
 
+NO_DATASET = "dataset: "
+"""How the reason of a row begins whose dataset could not be made: its method was never called."""
 _INDEX = "dataset.json"
 _NO_PLACE = "OSError: "
 """How a full disk answers: no finding about a dataset, and nothing to remember."""
@@ -93,7 +96,7 @@ def finish_dataset(store: Store, spec: DatasetSpec, keys: CellKeys, retry_failed
     if outcome.reason and outcome.reason.startswith(_NO_PLACE):
         raise OSError(outcome.reason)
     if outcome.status != "ok":
-        outcome = replace(outcome, status="failed", reason=f"dataset: {outcome.reason}")
+        outcome = replace(outcome, status="failed", reason=f"{NO_DATASET}{outcome.reason}")
         store.write("failed_datasets", key, {"reason": outcome.reason})
     return outcome
 

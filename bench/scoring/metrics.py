@@ -80,7 +80,7 @@ def placement_errors(
     """
     count = len(T_world_map)
     error_m, error_deg = np.full(count, np.nan), np.full(count, np.nan)
-    frames = np.full((count, 3, 3), np.nan)
+    frames, wrong = np.full((count, 3, 3), np.nan), np.zeros(count, dtype=bool)
     for number in np.unique(component[placed]):
         members = np.flatnonzero(placed & (component == number))
         if len(members) < 2:
@@ -88,7 +88,8 @@ def placement_errors(
         frame = fit_frame(T_world_map[members], T_ref_map[members])
         error_m[members], error_deg[members] = motion_errors(T_world_map[members], frame @ T_ref_map[members])
         frames[members] = frame
-    wrong = (error_m > WRONG_ABOVE_M) | (error_deg > WRONG_ABOVE_DEG)
+        within = (error_m[members] <= WRONG_ABOVE_M) & (error_deg[members] <= WRONG_ABOVE_DEG)
+        wrong[members] = ~within  # also where a motion is too large for its error to be a number
     return PlacementErrors(error_m, error_deg, wrong, frames)
 
 
@@ -168,7 +169,7 @@ class _Fit(NamedTuple):
 
 def _refit(fit: _Fit, T_world_map: Array, T_ref_map: Array, refits: dict[bytes, _Fit]) -> _Fit:
     """The proposal after its refits, which depend on nothing but the maps within: each is worked out once."""
-    for _ in range(_REFITS):
+    for _ in range(_REFITS if fit.within.any() else 0):  # none: so far away that rounding hides even its own place
         key = fit.within.tobytes()
         if key not in refits:
             frame = align_poses(T_world_map[fit.within], T_ref_map[fit.within])

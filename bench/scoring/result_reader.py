@@ -4,8 +4,8 @@ Every method comes through this door, ours and other people's: a result that is 
 with a reason that becomes a row of the table.
 """
 
-import json
 import math
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,19 +13,18 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from bench.one_line import one_line
 from bench.scoring.prediction import PredictedPair, Prediction
+from bench.scoring.result_document import PredictionError, read_document, show
 from merger import se2
 
 _STATUSES = ("reliable", "rejected", "no_match")
+_LARGEST = 2**63 - 1
 _NO_MOTION = (math.nan, math.nan, math.nan)
 
 _Motion = npt.NDArray[np.float64]
 _Parameters = tuple[float, float, float]
 """Of a motion: metres, metres, radians."""
-
-
-class PredictionError(ValueError):
-    """A ``result.json`` cannot be scored; the message is one line that says why."""
 
 
 def read_prediction(path: Path, names: Sequence[str]) -> Prediction:
@@ -38,13 +37,13 @@ def read_prediction(path: Path, names: Sequence[str]) -> Prediction:
     Raises:
         PredictionError: the file is missing, no JSON, malformed, or does not speak of exactly these maps.
     """
-    document = _read_document(path)
+    document = read_document(path)
     maps = _mapping(document, "maps")
     missing, unknown = sorted(set(names) - set(maps)), sorted(set(maps) - set(names))
     if missing:
-        raise PredictionError(f"result.json is partial: it leaves out {', '.join(missing)}")
+        raise PredictionError(f"result.json is partial: it leaves out {_names(missing)}")
     if unknown:
-        raise PredictionError(f"result.json speaks of maps that were not given: {', '.join(unknown)}")
+        raise PredictionError(f"result.json speaks of maps that were not given: {_names(unknown)}")
     entries = [_mapping(maps, name) for name in names]
     placed = np.array([_boolean(e, "placed", n) for e, n in zip(entries, names, strict=True)], dtype=bool)
     motions = [_motion(e, "T_ref_map", n) for e, n in zip(entries, names, strict=True)]
@@ -58,29 +57,11 @@ def read_prediction(path: Path, names: Sequence[str]) -> Prediction:
         component=np.array([_integer(e, "component", n) for e, n in zip(entries, names, strict=True)], dtype=np.int64),
         T_ref_map=_stack([m if p else None for m, p in zip(motions, placed, strict=True)]),
         T_ref_map_initial=_stack(initial),
-        confidence=np.array([_number(e.get("confidence"), "confidence") for e in entries]),
-        reasons=tuple(None if e.get("reason") is None else str(e["reason"]) for e in entries),
+        confidence=np.array([_confidence(e, n) for e, n in zip(entries, names, strict=True)]),
+        reasons=tuple(_reason(e) for e in entries),
         pairs=_pairs(_list(document, "pairs"), {name: k for k, name in enumerate(names)}),
         stages_s={k: _number(v, k) for k, v in _optional_mapping(document, "runtime_s").items()},
     )
-
-
-def _read_document(path: Path) -> dict[str, Any]:
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise PredictionError("no result.json was written") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise PredictionError(f"result.json cannot be read ({type(error).__name__})") from None
-    try:
-        document = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise PredictionError(f"result.json is not JSON (line {error.lineno}: {error.msg})") from None
-    if not isinstance(document, dict):
-        raise PredictionError("result.json is not an object")
-    if document.get("schema") != 1:
-        raise PredictionError(f"result.json: schema must be 1, got {document.get('schema')!r}")
-    return document
 
 
 def _mapping(document: dict[str, Any], key: str) -> dict[str, Any]:
@@ -104,23 +85,39 @@ def _list(document: dict[str, Any], key: str) -> list[Any]:
 def _boolean(entry: dict[str, Any], key: str, name: str) -> bool:
     value = entry.get(key)
     if not isinstance(value, bool):
-        raise PredictionError(f"result.json: '{key}' of map '{name}' must be true or false, got {value!r}")
+        raise PredictionError(f"result.json: '{key}' of map '{name}' must be true or false, got {show(value)}")
     return value
 
 
 def _integer(entry: dict[str, Any], key: str, name: str) -> int:
     value = entry.get(key)
-    if isinstance(value, bool) or not isinstance(value, int):
-        raise PredictionError(f"result.json: '{key}' of map '{name}' must be an integer, got {value!r}")
+    if isinstance(value, bool) or not isinstance(value, int) or abs(value) > _LARGEST:
+        raise PredictionError(f"result.json: '{key}' of map '{name}' must be an integer of 63 bits, got {show(value)}")
     return value
 
 
 def _number(value: object, key: str) -> float:
     if value is None:
         return math.nan
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise PredictionError(f"result.json: '{key}' must be a finite number, got {value!r}")
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= sys.float_info.max:
+        raise PredictionError(f"result.json: '{key}' must be a finite number, got {show(value)}")
     return float(value)
+
+
+def _confidence(entry: dict[str, Any], name: str) -> float:
+    value = _number(entry.get("confidence"), "confidence")
+    if not (math.isnan(value) or 0.0 <= value <= 1.0):
+        raise PredictionError(f"result.json: 'confidence' of map '{name}' must be within [0, 1], got {value:g}")
+    return value
+
+
+def _reason(entry: dict[str, Any]) -> str | None:
+    value = entry.get("reason")
+    return None if value is None else one_line(str(value))
+
+
+def _names(names: Sequence[str]) -> str:
+    return one_line(", ".join(names), 300)
 
 
 def _motion(entry: dict[str, Any], key: str, name: str) -> _Parameters | None:
@@ -128,7 +125,7 @@ def _motion(entry: dict[str, Any], key: str, name: str) -> _Parameters | None:
     if value is None:
         return None
     if not isinstance(value, dict) or any(value.get(k) is None for k in ("x", "y", "theta")):
-        raise PredictionError(f"result.json: '{key}' of '{name}' must be {{x, y, theta}}, got {value!r}")
+        raise PredictionError(f"result.json: '{key}' of '{name}' must be {{x, y, theta}}, got {show(value)}")
     x, y, theta = (_number(value[k], f"{key}.{k}") for k in ("x", "y", "theta"))
     return x, y, theta
 
@@ -155,18 +152,18 @@ def _pair(
     entry: dict[str, Any], numbers: dict[str, int], T: _Motion | None, T_initial: _Motion | None
 ) -> PredictedPair:
     target, source = entry.get("target"), entry.get("source")
-    if target not in numbers or source not in numbers:
-        raise PredictionError(f"result.json: a pair names an unknown map: {target!r}, {source!r}")
+    if not (isinstance(target, str) and isinstance(source, str) and {target, source} <= numbers.keys()):
+        raise PredictionError(f"result.json: a pair names an unknown map: {show(target)}, {show(source)}")
     status = entry.get("status")
     if status not in _STATUSES:
         raise PredictionError(
-            f"result.json: the status of a pair must be one of {', '.join(_STATUSES)}, got {status!r}"
+            f"result.json: the status of a pair must be one of {', '.join(_STATUSES)}, got {show(status)}"
         )
     return PredictedPair(
         target=numbers[target],
         source=numbers[source],
         status=str(status),
-        reason=None if entry.get("reason") is None else str(entry["reason"]),
+        reason=_reason(entry),
         T_target_source=T,
         num_matches=_number(entry.get("num_matches"), "num_matches"),
         num_inliers=_number(entry.get("num_inliers"), "num_inliers"),
