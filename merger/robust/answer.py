@@ -74,9 +74,10 @@ def _confidences(findings: Findings) -> list[float]:
 
 
 def _relative_covariance(group: PlacedGroup, root: int, member: int) -> Array:
-    """Covariance of a map relative to the reference: both ends' spread, as if independent."""
+    """(3, 3) covariance of a map relative to the reference, which they share part of their errors with."""
+    J = -se2.adjoint(se2.invert(group.T_first_map[member]) @ group.T_first_map[root])
+    C = group.covariance
     if member == root:
         return np.zeros((3, 3))
-    T_member_root = se2.invert(group.T_first_map[member]) @ group.T_first_map[root]
-    J = se2.adjoint(T_member_root)
-    return np.asarray(group.covariance[member] + J @ group.covariance[root] @ J.T)
+    crossed = C[member, root] @ J.T
+    return np.asarray(C[member, member] + crossed + crossed.T + J @ C[root, root] @ J.T)

@@ -58,6 +58,8 @@ class Pairs(NamedTuple):
     """(E, 2) maps (i, j)."""
     weights: Array
     """(E,) how much each counts."""
+    shifts: Array | None = None
+    """(E, 3) steps v of ``exp(v) @ T_root_field`` by which each one's second map is moved besides, if any."""
 
 
 class _Neighbourhood(NamedTuple):
@@ -91,7 +93,7 @@ def weigh_pairs(structures: Sequence[WallStructure], T: Array, pairs: Pairs, con
     if len(pairs.edges) == 0:
         return pairs
     squares, lengths_m = np.zeros(len(pairs.edges)), np.zeros(len(pairs.edges))
-    for near in _neighbourhoods(structures, T, pairs.edges, config):
+    for near in _neighbourhoods(structures, T, pairs, config):
         cutoffs_m = np.full(len(near.numbers), config.gap_cutoff_m)
         squared, met_m = sum_gaps_onto(near.T_owner_partner, near.walls, near.owner, cutoffs_m)
         squares[near.numbers] += squared
@@ -104,7 +106,7 @@ def weigh_pairs(structures: Sequence[WallStructure], T: Array, pairs: Pairs, con
 
 def sum_pair_equations(
     structures: Sequence[WallStructure], T: Array, pairs: Pairs, cutoff_m: float, config: JointEquationsConfig
-) -> tuple[Pairs, Array, Array]:
+) -> tuple[Array, Array]:
     """Sum up what the walls of each pair say about the steps ``exp(v_i) @ T_root_field``.
 
     Args:
@@ -115,34 +117,44 @@ def sum_pair_equations(
         config: The settings.
 
     Returns:
-        The pairs that overlap, and their blocks (E', 3, 3) H and (E', 3) g, not yet weighted (see `solve_blocks`).
+        Their blocks (E, 3, 3) H and (E, 3) g, not yet weighted (see `solve_blocks`).
     """
     H, g = np.zeros((len(pairs.edges), 3, 3)), np.zeros((len(pairs.edges), 3))
-    for near in _neighbourhoods(structures, T, pairs.edges, config):
+    for near in _neighbourhoods(structures, T, pairs, config):
         cutoffs_m = np.maximum(cutoff_m, near.least_cutoff_m)
         A, b = sum_equations_onto(near.T_owner_partner, near.walls, near.owner, cutoffs_m)
         J = se2.adjoint(se2.invert(T[near.number]))
         H[near.numbers] += J.T @ A @ J
         g[near.numbers] -= near.sign[:, None] * (b @ J)
+    return H, g
+
+
+def keep_overlapping(pairs: Pairs, H: Array, g: Array, config: JointEquationsConfig) -> tuple[Pairs, Array, Array]:
+    """Leave out pairs that hardly overlap, and their blocks."""
     kept = H[:, 0, 0] + H[:, 1, 1] >= config.min_overlap_m
     return Pairs(pairs.edges[kept], pairs.weights[kept]), H[kept], g[kept]
 
 
 def _neighbourhoods(
-    structures: Sequence[WallStructure], T: Array, edges: npt.NDArray[np.intp], config: JointEquationsConfig
+    structures: Sequence[WallStructure], T: Array, pairs: Pairs, config: JointEquationsConfig
 ) -> Iterator[_Neighbourhood]:
     """Every map that has partners, with them."""
+    edges = pairs.edges
     cells_m = np.array([item.fields.resolution_m for item in structures])
     for owner, structure in enumerate(structures):
         numbers = np.flatnonzero((edges == owner).any(axis=1))
         partners = edges[numbers].sum(axis=1) - owner
         if len(partners):
+            sign = np.where(edges[numbers, 0] == owner, 1.0, -1.0)
+            T_partner = T[partners]
+            if pairs.shifts is not None:
+                T_partner = se2.exp(sign[:, None] * pairs.shifts[numbers]) @ T_partner
             yield _Neighbourhood(
                 owner,
                 structure.view(config.num_points),
                 numbers,
-                np.where(edges[numbers, 0] == owner, 1.0, -1.0),
-                se2.invert(T[owner]) @ T[partners],
+                sign,
+                se2.invert(T[owner]) @ T_partner,
                 [structures[k].sample(config.num_points) for k in partners],
                 config.least_cutoff_cells * np.maximum(cells_m[owner], cells_m[partners]),
             )

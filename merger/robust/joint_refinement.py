@@ -16,7 +16,14 @@ import numpy.typing as npt
 
 from merger import se2
 from merger.robust.averaging import solve_blocks
-from merger.robust.joint_equations import JointEquationsConfig, Pairs, sum_pair_equations, weigh_pairs
+from merger.robust.joint_covariance import JointCovarianceConfig, estimate_covariance
+from merger.robust.joint_equations import (
+    JointEquationsConfig,
+    Pairs,
+    keep_overlapping,
+    sum_pair_equations,
+    weigh_pairs,
+)
 from merger.robust.wall_faces import extract_faces
 from merger.robust.wall_structure import WallStructure
 
@@ -45,15 +52,15 @@ class JointRefinementConfig:
     tolerance: float = 3e-5
     """The last steps end early once none is longer, metres and radians, > 0."""
     metre_variance_m3: float = 2.5e-3
-    """Variance of what one metre of wall says about a shift: residuals of 0.05 m, independent every metre; > 0."""
-    independent_m: float = 2.0
-    """The errors of two maps' walls are not independent: many metres of wall say hardly more than so many; > 0."""
+    """Variance of what one metre of wall of a pair says about a shift: 0.05 m, independent every metre; > 0."""
+    covariance: JointCovarianceConfig = field(default_factory=JointCovarianceConfig)
+    """How certain the motions are."""
 
     def __post_init__(self) -> None:
         """Refuse values out of range."""
         if not self.cutoffs_m or min(self.cutoffs_m) <= 0.0:
             raise ValueError(f"cutoffs_m must be > 0 m, got {self.cutoffs_m}")
-        for name in ("last_cutoff_m", "tolerance", "metre_variance_m3", "independent_m"):
+        for name in ("last_cutoff_m", "tolerance", "metre_variance_m3"):
             if not getattr(self, name) > 0.0:
                 raise ValueError(f"{name} must be > 0, got {getattr(self, name)}")
         if self.num_last_steps < 0:
@@ -67,7 +74,7 @@ class JointMotions:
     T_root_map: Array
     """(N, 3, 3) motions of the maps' frames ``map``; the first map's stays."""
     covariance: Array
-    """(N, 3, 3) covariance of ``v = (x, y, theta)`` in ``T_root_map @ exp(v)``, relative to the first map."""
+    """(N, N, 3, 3) covariance of ``v = (x, y, theta)`` in ``T_root_map @ exp(v)``, relative to the first map."""
 
 
 def refine_jointly(
@@ -90,9 +97,8 @@ def refine_jointly(
     T, pairs = _take_steps(structures, T_root_map @ T_map_field, pairs, config.cutoffs_m, config)
     pairs = weigh_pairs(structures, T, pairs, config.equations)
     T, pairs = _take_steps(structures, T, pairs, (config.last_cutoff_m,) * config.num_last_steps, config)
-    pairs, H, _ = sum_pair_equations(structures, T, pairs, config.last_cutoff_m, config.equations)
-    T_refined = T @ se2.invert(T_map_field)
-    return JointMotions(T_refined, _covariance(pairs.edges, H, T_refined, config))
+    covariance = _covariance(structures, T, T_map_field, pairs, config)
+    return JointMotions(T @ se2.invert(T_map_field), covariance)
 
 
 def _take_steps(
@@ -105,7 +111,8 @@ def _take_steps(
     """Refined (N, 3, 3) ``T_root_field``, and the pairs that are left: who does not meet at first never will."""
     taken, stretch = np.zeros((0, 3)), 1.0
     for cutoff_m in cutoffs_m:
-        pairs, H, g = sum_pair_equations(structures, T, pairs, cutoff_m, config.equations)
+        H, g = sum_pair_equations(structures, T, pairs, cutoff_m, config.equations)
+        pairs, H, g = keep_overlapping(pairs, H, g, config.equations)
         steps = solve_blocks(pairs.edges, pairs.weights[:, None, None] * H, pairs.weights[:, None] * g, len(T))
         if len(taken):
             stretch = _stretch(taken, steps)
@@ -123,21 +130,17 @@ def _stretch(taken: Array, steps: Array) -> float:
     return min(max(length / shortened, 1.0), _LONGEST_STRETCH) if shortened > 0.0 else 1.0
 
 
-def _covariance(edges: npt.NDArray[np.intp], H: Array, T: Array, config: JointRefinementConfig) -> Array:
-    """Covariance of every map relative to the first, from the normal equations of the last step."""
-    count = len(T)
-    normal = np.zeros((count, count, 3, 3))
-    lengths_m = 0.5 * (H[:, 0, 0] + H[:, 1, 1])
-    limited = H / (1.0 + lengths_m / config.independent_m)[:, None, None]
-    for (i, j), block in zip(edges.tolist(), limited, strict=True):
-        normal[i, i] += block
-        normal[j, j] += block
-        normal[i, j] -= block
-        normal[j, i] -= block
-    dense = normal.transpose(0, 2, 1, 3).reshape(3 * count, 3 * count)[3:, 3:]
-    inverse = np.linalg.pinv(dense, hermitian=True) * config.metre_variance_m3
-    covariance = np.zeros((count, 3, 3))
-    for k in range(1, count):
-        J = se2.adjoint(se2.invert(T[k]))
-        covariance[k] = J @ inverse[3 * k - 3 : 3 * k, 3 * k - 3 : 3 * k] @ J.T
-    return covariance
+def _covariance(
+    structures: Sequence[WallStructure], T: Array, T_map_field: Array, pairs: Pairs, config: JointRefinementConfig
+) -> Array:
+    """(N, N, 3, 3) covariance of the refined (N, 3, 3) ``T_root_field``, as steps in the frames ``map``."""
+
+    def equations(shifts: Array) -> tuple[Array, Array]:
+        moved = pairs._replace(shifts=shifts)
+        return sum_pair_equations(structures, T, moved, config.last_cutoff_m, config.equations)
+
+    pairs, _, _ = keep_overlapping(pairs, *equations(np.zeros((len(pairs.edges), 3))), config.equations)
+    cells_m = np.array([item.fields.resolution_m for item in structures])
+    spread = estimate_covariance(pairs, equations, cells_m, config.covariance)
+    J = se2.adjoint(se2.invert(T @ se2.invert(T_map_field)))
+    return np.asarray(J[:, None] @ spread @ np.swapaxes(J, 1, 2)[None])

@@ -52,7 +52,7 @@ class PlacedGroup:
     T_first_map: Array
     """(M, 3, 3) motions after averaging and joint refinement."""
     covariance: Array
-    """(M, 3, 3) covariance of ``v = (x, y, theta)`` in ``T_first_map @ exp(v)``."""
+    """(M, M, 3, 3) covariance of ``v = (x, y, theta)`` in ``T_first_map @ exp(v)``."""
 
 
 def describe_maps(maps: Sequence[GridMap], config: MergeConfig, progress: Progress) -> list[DescribedMap]:
@@ -105,7 +105,7 @@ def refine_groups(
     placed = []
     for group in agreement.groups:
         structures = [described[number].structure for number in group.members]
-        T, covariance = group.T_group_map, np.zeros((len(group.members), 3, 3))
+        T, covariance = group.T_group_map, np.zeros((len(group.members), len(group.members), 3, 3))
         if len(group.members) > 1 and config.robust.average:
             graph, information = _confirmed_motions(described, hypotheses, group.members, T, config)
             T = average_robustly(graph, information, T, config.robust.averaging)

@@ -73,6 +73,11 @@ def test_the_order_of_the_maps_and_the_reference_change_only_the_frame(parts, me
     T_ref_other = merged.placement("part_2").T_ref_map
     for item in other.maps:
         assert T_ref_other @ item.T_ref_map == pytest.approx(merged.placement(item.name).T_ref_map, abs=1e-6)
+    there, back = other.placement("part_0"), merged.placement("part_2")
+    J = se2.adjoint(back.T_ref_map)
+    assert there.covariance == pytest.approx(J @ back.covariance @ J.T, rel=1e-6)
+    # Part 3 lies beside part 2, from which its angle is surer than from part 0.
+    assert other.placement("part_3").covariance[2, 2] < merged.placement("part_3").covariance[2, 2]
 
 
 def test_the_answer_does_not_depend_on_the_number_of_workers(parts, merged):
