@@ -66,9 +66,13 @@ def update_baseline(config: GateConfig) -> int:
     """Make a folder's scores the baseline, and return how many rows it has.
 
     Raises:
-        ValueError: the scores cannot be read.
+        ValueError: the scores cannot be read, or not one row is ok.
     """
     rows = read_rows(config.folder / "scores.csv")
+    if not any(row.status == "ok" for row in rows):
+        raise ValueError(
+            f"no baseline from a run without an ok row: {rows[0].label} {rows[0].status}: {rows[0].reason}"
+        )
     write_baseline(config.baseline, rows, costs=config.costs)
     return len(rows)
 
@@ -80,15 +84,19 @@ def describe(comparison: Comparison) -> str:
     if len(findings) > _SHOWN:
         lines.append(f"... and {len(findings) - _SHOWN} more")
     if comparison.new:
-        lines.append(
-            f"not in the baseline, not judged: {', '.join(comparison.new[:5])}" + " ..." * (len(comparison.new) > 5)
-        )
+        lines.append(f"not in the baseline, not judged: {_first(comparison.new)}")
+    if comparison.without_result:
+        lines.append(f"without a result in the baseline, not judged: {_first(comparison.without_result)}")
     compared = f"{comparison.num_pairs} rows of {len(comparison.cells)} cells compared"
     if comparison.other_data:
-        lines.append(f"not the baseline's data (make it anew with --update): {', '.join(comparison.other_data[:5])}")
+        lines.append(f"not the baseline's data (make it anew with --update): {_first(comparison.other_data)}")
     lines += [f"time of {method}: {text}" for method, text in comparison.times]
     verdict = f"{len(findings) or 'no'} score{'s' * (len(findings) > 1)} got worse"
     return "\n".join([*lines, f"gate: {verdict}, {compared}"])
+
+
+def _first(labels: Sequence[str]) -> str:
+    return ", ".join(labels[:5]) + " ..." * (len(labels) > 5)
 
 
 def _table(findings: Sequence[Finding]) -> list[str]:

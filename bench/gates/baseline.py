@@ -41,11 +41,12 @@ def read_baseline(path: Path) -> list[GateRow]:
         document = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise ValueError(f"{path}: no such baseline; --update (in pytest --merge-gate-update) makes it") from None
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise ValueError(f"{path}: no baseline ({' '.join(str(error).split())})") from None
-    if not isinstance(document, dict) or document.get("schema") != SCHEMA or not document.get("rows"):
+    rows = document.get("rows") if isinstance(document, dict) and document.get("schema") == SCHEMA else None
+    if not isinstance(rows, list) or not rows:
         raise ValueError(f"{path}: no baseline: it needs schema {SCHEMA} and rows")
-    return check_unique([_row(entry, path) for entry in document["rows"]], str(path))
+    return check_unique([_row(entry, path) for entry in rows], str(path))
 
 
 def _document(row: GateRow, kept: Sequence[str]) -> dict[str, Any]:
@@ -59,6 +60,8 @@ def _row(entry: object, path: Path) -> GateRow:
         if not isinstance(entry, dict):
             raise TypeError("a row must be an object")
         names: dict[str, Value] = {**entry["cell"], "seed": int(entry["seed"])}
+        if any(isinstance(value, (list, dict)) for value in names.values()):
+            raise TypeError("a cell is named by plain values")
         scores = {str(name): float(value) for name, value in entry["scores"].items()}
         return make_row(names, str(entry["status"]), entry.get("reason"), scores)
     except (KeyError, TypeError, ValueError, AttributeError) as error:

@@ -76,6 +76,11 @@ class Comparison:
         return tuple(finding for cell in self.cells for finding in cell.findings)
 
     @property
+    def without_result(self) -> tuple[str, ...]:
+        """Labels of cells in which the baseline itself has no result."""
+        return tuple(cell_label(cell.cell) for cell in self.cells if cell.skipped is not None)
+
+    @property
     def num_pairs(self) -> int:
         """Rows that both runs have."""
         return sum(cell.num_pairs for cell in self.cells)

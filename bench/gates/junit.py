@@ -1,11 +1,19 @@
-"""The gate's answer as JUnit XML, which every CI system shows: one test case a cell."""
+"""The gate's answer as JUnit XML, which every CI system shows: one test case a cell.
+
+Elements and attributes are those that Jenkins' schema knows (`junit-10.xsd`); control characters, which XML does not
+allow, are left out.
+"""
 
 from pathlib import Path
 from xml.etree import ElementTree
 
 from bench.gates.comparison import CellComparison, Comparison
 from bench.gates.rows import cell_label
+from bench.one_line import one_line
 from bench.store import write_bytes
+
+_MOST = 2000
+"""Characters of a message."""
 
 
 def write_junit(path: Path, comparison: Comparison) -> None:
@@ -17,7 +25,7 @@ def write_junit(path: Path, comparison: Comparison) -> None:
         "errors": 0,
     }
     attributes = {name: str(count) for name, count in counts.items()}
-    root = ElementTree.Element("testsuites", attributes)
+    root = ElementTree.Element("testsuites", {k: v for k, v in attributes.items() if k != "skipped"})  # it has no such
     suite = ElementTree.SubElement(root, "testsuite", {"name": "bench.gate", **attributes})
     for cell in comparison.cells:
         _add_case(suite, cell)
@@ -31,8 +39,10 @@ def _add_case(suite: ElementTree.Element, cell: CellComparison) -> None:
         suite, "testcase", {"classname": f"bench.gate.{method}", "name": cell_label(cell.cell)}
     )
     if cell.findings:
-        messages = [finding.message for finding in cell.findings]
+        messages = [one_line(finding.message, _MOST) for finding in cell.findings]
         failure = ElementTree.SubElement(case, "failure", {"message": messages[0], "type": "worse"})
         failure.text = "\n".join(messages)
     elif cell.skipped is not None:
-        ElementTree.SubElement(case, "skipped", {"message": f"the baseline has no result: {cell.skipped}"})
+        ElementTree.SubElement(
+            case, "skipped", {"message": one_line(f"the baseline has no result: {cell.skipped}", _MOST)}
+        )

@@ -60,7 +60,7 @@ def read_rows(path: Path) -> list[GateRow]:
         ValueError: there is none, it is empty, lacks a column, holds what is no number, or names a row twice.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")  # a spreadsheet leaves its mark
     except FileNotFoundError:
         raise ValueError(f"{path}: no such file: not a folder of results") from None
     except (OSError, UnicodeDecodeError) as error:

@@ -12,6 +12,7 @@ from bench.gate import main
 from bench.gates.baseline import read_baseline, write_baseline
 from bench.gates.rows import read_rows
 
+NESTED = '{"schema": 1, "rows": [{"cell": {"x": [1]}, "seed": 0, "status": "ok", "scores": {}}]}'
 ROOT = Path(__file__).parents[3]
 
 
@@ -71,10 +72,35 @@ def test_junit_has_a_case_a_cell_and_a_failure_that_says_what_got_worse(tmp_path
     after.loc[0, "max_error_m"] = np.nan
     main([write(tmp_path / "after", after), "--baseline", baseline, "--quiet", "--junit", str(tmp_path / "gate.xml")])
     root = ElementTree.parse(tmp_path / "gate.xml").getroot()
-    assert root.attrib == {"tests": "4", "failures": "1", "skipped": "0", "errors": "0"}
+    assert root.attrib == {"tests": "4", "failures": "1", "errors": "0"}
+    assert root.find("testsuite").attrib == {"name": "bench.gate", **root.attrib, "skipped": "0"}
     assert len(root.findall("./testsuite/testcase")) == 4
     (failure,) = root.iter("failure")
     assert failure.get("message").startswith("intel x paper [submaps.overlap=0.3], seed 0: max_error_m got worse")
+
+
+def test_junit_can_be_read_whatever_a_program_has_said(tmp_path, baseline):
+    after = table()
+    after.loc[0, ["status", "reason"]] = ["failed", "\x1b[31mred\x00 & <dead> \uffff"]
+    main([write(tmp_path / "after", after), "--baseline", baseline, "--quiet", "--junit", str(tmp_path / "gate.xml")])
+    (failure,) = ElementTree.parse(tmp_path / "gate.xml").getroot().iter("failure")
+    assert "ok -> failed: red & <dead>" in failure.get("message")
+
+
+def test_a_run_without_an_ok_row_becomes_no_baseline(tmp_path, capsys):
+    folder = write(tmp_path / "after", table(status="failed", reason="boom"))
+    assert main([folder, "--baseline", str(tmp_path / "b.json"), "--update"]) == 2
+    assert "no baseline from a run without an ok row" in capsys.readouterr().err
+    assert not (tmp_path / "b.json").exists()
+
+
+def test_cells_that_the_baseline_knows_as_failed_are_named_as_not_judged(tmp_path, capsys):
+    before = table()
+    before.loc[before["dataset"] == "079", ["status", "reason"]] = ["failed", "boom"]
+    main([write(tmp_path / "before", before), "--baseline", str(tmp_path / "b.json"), "--update", "--quiet"])
+    assert main([write(tmp_path / "after", table()), "--baseline", str(tmp_path / "b.json")]) == 0
+    said = "without a result in the baseline, not judged: 079 x paper [submaps.overlap=0.3]"
+    assert said in capsys.readouterr().out
 
 
 def test_a_tolerance_of_ones_own_is_obeyed(tmp_path, baseline):
@@ -149,7 +175,20 @@ def test_malformed_scores_are_one_line_and_exit_status_2(tmp_path, baseline, cap
     assert captured.out == ""
 
 
-@pytest.mark.parametrize("text", [None, "", "{", "[]", '{"schema": 9, "rows": [{}]}', '{"schema": 1, "rows": [{}]}'])
+@pytest.mark.parametrize(
+    "text",
+    [
+        None,
+        "",
+        "{",
+        "[" * 100_000,
+        "[]",
+        '{"schema": 1, "rows": 5}',
+        NESTED,
+        '{"schema": 9, "rows": [{}]}',
+        '{"schema": 1, "rows": [{}]}',
+    ],
+)
 def test_a_malformed_baseline_is_one_line_and_exit_status_2(tmp_path, capsys, text):
     path = tmp_path / "b.json"
     if text is not None:
