@@ -15,6 +15,7 @@ from sim.buildings.world import OFFICE, World, read_world
 from sim.config import SimConfig, SourceKind, building_name, drive_config, num_submaps
 from sim.maps.submap_mapping import map_ground_truth
 from sim.recordings.carmen import read_carmen
+from sim.recordings.carmen_lines import LogError
 from sim.robot_run import RobotRun
 from sim.sensors.odometry import integrate_odometry
 from sim.simulation import Sensor, simulate
@@ -96,7 +97,10 @@ def _read_log(config: SimConfig) -> Source:
     runs = [_with_odometry(run, index, config) for index, run in enumerate(read_carmen(path))]
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
-    ground_truth = map_ground_truth(runs, config.mapping.occupancy)
+    try:
+        ground_truth = map_ground_truth(runs, config.mapping.occupancy)
+    except ValueError as error:
+        raise LogError(f"{path}: {error}") from None
     return Source(building_name(config), runs, ground_truth, {"log": path.name, "log_sha256": digest})
 
 

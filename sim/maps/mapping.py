@@ -18,6 +18,9 @@ from sim.robot_run import LidarSpec
 _GROWTH_CELLS = 128
 """Cells that a grid grows beyond what is needed, so that it does not grow at every scan."""
 
+_MOST_CELLS = 500_000_000
+"""Larger grids, of 2 GB, are refused."""
+
 
 @dataclass(frozen=True)
 class OccupancyConfig:
@@ -82,6 +85,9 @@ class OccupancyMapper:
             ranges_m: (S, B) ranges, by REP 117.
             T_map_robot: (S, 3, 3) poses of the robot.
             motions: (S, 3) of the lidar from beam to beam: `sim.maps.scan_skew.motion_per_beam`; none: it stands.
+
+        Raises:
+            ValueError: the map would be too large for memory.
         """
         if len(ranges_m) == 0:
             return
@@ -106,8 +112,8 @@ class OccupancyMapper:
 
     def _grow(self, extent_m: npt.NDArray[np.float64]) -> None:
         """Enlarge the grid until it holds the box x_min, y_min, x_max, y_max, metres."""
-        low = np.floor(extent_m[:2] / self._resolution_m).astype(np.int64) - 1
-        high = np.floor(extent_m[2:] / self._resolution_m).astype(np.int64) + 2
+        low = np.floor(extent_m[:2] / self._resolution_m) - 1.0
+        high = np.floor(extent_m[2:] / self._resolution_m) + 2.0
         rows, columns = self._log_odds.shape
         first, end = self._first_cell, self._first_cell + np.array([columns, rows])
         if self._log_odds.size and (low >= first).all() and (high <= end).all():
@@ -115,10 +121,22 @@ class OccupancyMapper:
         if self._log_odds.size:
             low = np.where(low < first, np.minimum(low, first) - _GROWTH_CELLS, first)
             high = np.where(high > end, np.maximum(high, end) + _GROWTH_CELLS, end)
-        grown = np.zeros((high[1] - low[1], high[0] - low[0]), dtype=np.float32)
-        column, row = first - low if self._log_odds.size else (0, 0)
+        _refuse_too_large(high - low, self._resolution_m)
+        corner = low.astype(np.int64)
+        grown = np.zeros((int(high[1] - low[1]), int(high[0] - low[0])), dtype=np.float32)
+        column, row = first - corner if self._log_odds.size else (0, 0)
         grown[row : row + rows, column : column + columns] = self._log_odds
-        self._log_odds, self._first_cell = grown, low
+        self._log_odds, self._first_cell = grown, corner
+
+
+def _refuse_too_large(num_cells: npt.NDArray[np.float64], resolution_m: float) -> None:
+    """Refuse (2,) columns and rows for which there is no memory: poses lie far apart, mostly because one is wrong."""
+    if not num_cells.prod() <= _MOST_CELLS:
+        width_m, depth_m = (float(side) for side in num_cells * resolution_m)
+        raise ValueError(
+            f"a map of {width_m:.4g} x {depth_m:.4g} m in cells of {resolution_m:g} m is too large, at most "
+            f"{_MOST_CELLS:.3g} cells are allowed: is a pose wrong?"
+        )
 
 
 def _require(name: str, allowed: str, value: float, holds: bool) -> None:

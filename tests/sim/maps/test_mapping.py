@@ -124,6 +124,16 @@ def test_a_map_does_not_depend_on_how_its_scans_come_in():
     assert np.array_equal(parts.T_map_grid, whole.T_map_grid)
 
 
+@pytest.mark.parametrize("far_m", [1e4, 1e30])
+def test_poses_too_far_apart_for_one_map_are_refused(far_m):
+    ranges, poses = random_scans(np.random.default_rng(0), 2)
+    poses[1, :2, 2] = far_m
+    mapper = OccupancyMapper(LIDAR, CONFIG)
+    mapper.add_scans(ranges[:1], poses[:1])
+    with pytest.raises(ValueError, match=r"a map of .* m in cells of 0\.1 m is too large"):
+        mapper.add_scans(ranges[1:], poses[1:])
+
+
 def test_shifting_the_robot_by_whole_cells_shifts_the_map_by_as_much():
     ranges, poses = random_scans(np.random.default_rng(1), 10)
     shifted = poses.copy()
