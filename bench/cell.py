@@ -93,7 +93,7 @@ class Outcome:
     cpu_s: float = float("nan")
     """Processor seconds that the method took, all its threads and processes together."""
     reference_s: float = float("nan")
-    """Processor seconds of the reference workload, run beside the method."""
+    """Processor seconds of the reference workload, run in the same ten seconds."""
     overhead_s: float = float("nan")
     """Seconds that calling the method took besides, see `bench.scoring.score_rows.Score.runtime_overhead_s`."""
 

@@ -6,6 +6,7 @@ Nothing of ours is imported here but what a call needs: its memory is copied for
 """
 
 import contextlib
+import gc
 import importlib
 import os
 import resource
@@ -54,6 +55,7 @@ def serve(control_fd: int, modules: Iterable[str]) -> None:
     for name in modules:
         with contextlib.suppress(ImportError):
             importlib.import_module(name)
+    gc.freeze()  # a collection in a call would touch, and so copy, all that was imported
     with socket.socket(fileno=control_fd) as control, contextlib.suppress(ConnectionError):  # nobody is left to ask
         control.send(READY)
         _serve_calls(control)

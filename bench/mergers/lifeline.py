@@ -8,6 +8,8 @@ from pathlib import Path
 
 _PR_SET_PDEATHSIG = 1
 _PR_SET_CHILD_SUBREAPER = 36
+_PRCTL = getattr(ctypes.CDLL(None), "prctl", None)
+"""Looked up once: every call that is forked would do it again."""
 
 
 def die_with_parent() -> None:
@@ -55,5 +57,5 @@ def end_family() -> None:
 
 
 def _control_process(option: int, value: int) -> None:
-    with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(option, value)
+    if _PRCTL is not None:
+        _PRCTL(option, value)

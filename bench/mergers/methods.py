@@ -19,7 +19,7 @@ from bench.mergers import external
 from bench.mergers.fork_server import Skipped
 from bench.mergers.isolation import Limits, run_isolated
 from bench.mergers.map_cache import read_cached_maps
-from bench.mergers.reference_workload import time_reference
+from bench.mergers.reference_workload import recent_reference
 from bench.mergers.servers import Preload
 from bench.mergers.workspace import make_workspace
 from merger.files.result_json import to_json_dict
@@ -76,10 +76,11 @@ def run_method(spec: MethodSpec, maps: Sequence[Path], seed: int, out: Path, cac
     """
     limits = Limits(spec.time_limit_s, spec.memory_limit_mb)
     if spec.kind is not MethodKind.EXTERNAL:
-        return run_isolated(call_method, (spec, maps, seed, out, cache), limits, preload_of(spec))
-    with make_workspace(out) as work:
-        outcome = run_isolated(external.call_command, (spec.target, maps, work), limits, preload_of(spec))
-    return dataclasses.replace(outcome, reference_s=time_reference()) if outcome.status == "ok" else outcome
+        outcome = run_isolated(call_method, (spec, maps, seed, out, cache), limits, preload_of(spec))
+    else:
+        with make_workspace(out) as work:
+            outcome = run_isolated(external.call_command, (spec.target, maps, work), limits, preload_of(spec))
+    return dataclasses.replace(outcome, reference_s=recent_reference()) if outcome.status == "ok" else outcome
 
 
 def call_method(spec: MethodSpec, paths: Sequence[Path], seed: int, out: Path, cache: Path) -> dict[str, Any]:
@@ -97,7 +98,7 @@ def call_method(spec: MethodSpec, paths: Sequence[Path], seed: int, out: Path, c
     fields = {"wall_s": time.perf_counter() - start, "cpu_s": time.process_time() - start_cpu}
     document = to_json_dict(result) if isinstance(result, MergeResult) else result
     (out / "result.json").write_text(json.dumps(document), encoding="utf-8")
-    return fields | {"reference_s": time_reference()}
+    return fields
 
 
 def ordered_maps(dataset: Path, order: int) -> list[Path]:

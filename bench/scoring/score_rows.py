@@ -76,8 +76,8 @@ class Score:
     runs. What comes once a sweep is not in it: starting the program and its servers, and drawing the report, which says
     how long that took."""
     runtime_ratio: float = math.nan
-    """Processor time of the method, all its threads and processes, over that of the reference workload (a few ms), run
-    in the same process right after it: what other programs do meanwhile hardly changes it; waiting does not count."""
+    """Processor time of the method, all its threads and processes, over that of the reference workload (2 ms), run by
+    the bench in the same ten seconds: what other programs do meanwhile hardly changes it; waiting does not count."""
     runtime_features_s: float = math.nan
     """Stated time of the stage."""
     runtime_pairs_s: float = math.nan
