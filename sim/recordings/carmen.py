@@ -3,7 +3,9 @@
 Lines that count: ``FLASER n r1..rn x y theta odom_x odom_y odom_theta ipc_time host logger_time`` (a scan with the
 pose of the lidar, corrected by SLAM in published logs, and of the robot by odometry), ``TRUEPOS true_x true_y
 true_theta odom_x odom_y odom_theta ipc_time host logger_time`` (the true pose of the robot), ``PARAM name value``.
-Scans keep the file's order, even where their times do not.
+Where no line is FLASER: ``ROBOTLASER1 type start_angle field_of_view step range_max accuracy mode n r1..rn m e1..em``
+(readings and remissions), both poses as above, five numbers about safety, and the times. Scans keep the file's order,
+even where their times do not.
 """
 
 import dataclasses
@@ -60,14 +62,20 @@ def no_return_reading(ranges_m: npt.NDArray[np.float32]) -> float:
 
     A known sensor maximum (81.83, 50) that the log reaches, else its largest reading if that one is frequent.
     """
+    known = _known_maximum(ranges_m)
+    if math.isfinite(known):
+        return known
     largest = float(ranges_m.max())
-    for known in _KNOWN_MAXIMA_M:
-        if known - _ROUNDING_M <= largest <= known + 0.1:
-            return known
     count = int(np.count_nonzero(ranges_m >= np.float32(largest - _ROUNDING_M)))
     low, high = _SATURATED_SHARE
     saturated = low <= count / ranges_m.size <= high and count >= _SATURATED_COUNT and largest >= _SATURATED_M
     return largest if saturated else math.inf
+
+
+def _known_maximum(ranges_m: npt.NDArray[np.float32]) -> float:
+    """The known sensor maximum that (N, B) readings reach; +inf if they reach none."""
+    largest = float(ranges_m.max())
+    return next((known for known in _KNOWN_MAXIMA_M if known - _ROUNDING_M <= largest <= known + 0.1), math.inf)
 
 
 def _robot_order(name: str) -> int:
@@ -77,7 +85,9 @@ def _robot_order(name: str) -> int:
 def _make_run(path: Path, name: str, scans: LoggedScans, parameters: dict[str, str], start_s: float) -> RobotRun:
     """The run of one robot, its readings by REP 117."""
     readings = np.stack(scans.ranges_m)
-    limit = _parameter(path, parameters, "robot_front_laser_max", no_return_reading(readings))
+    # Logs state maxima like 81.9 and 82, and mean 81.83.
+    told = _parameter(path, parameters, "robot_front_laser_max", no_return_reading(readings))
+    limit = min(told, _known_maximum(readings))
     ranges = np.where(readings >= np.float32(limit - _ROUNDING_M), np.float32(np.inf), readings)
     ranges[readings <= 0.0] = -np.inf
     T_world_lidar = se2.make_motion(*np.array(scans.lidar_pose).T)

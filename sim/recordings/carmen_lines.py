@@ -40,9 +40,13 @@ class CarmenLog:
     """What has been read of a log."""
 
     parameters: dict[str, str] = field(default_factory=dict)
-    """The PARAM lines."""
+    """The PARAM lines; where ROBOTLASER1 lines are read, what the last one says of its lidar."""
     robots: dict[str, LoggedScans] = field(default_factory=dict)
-    """By robot; one alone is ``robot_0``."""
+    """The FLASER lines by robot; one alone is ``robot_0``."""
+    newer: LoggedScans = field(default_factory=LoggedScans)
+    """The ROBOTLASER1 lines, which later versions of CARMEN write, some besides the FLASER lines of the same scans."""
+    newer_lidar: dict[str, str] = field(default_factory=dict)
+    """What the last of them says of its lidar, as PARAM lines would."""
 
 
 def parse_log(path: Path) -> CarmenLog:
@@ -58,8 +62,11 @@ def parse_log(path: Path) -> CarmenLog:
         except (ValueError, IndexError) as error:
             raise LogError(f"{path}: line {number}: malformed {words[0]} line ({error})") from None
     log.robots = {name: scans for name, scans in log.robots.items() if scans.ranges_m}
+    if not log.robots and log.newer.ranges_m:
+        log.robots = {"robot_0": log.newer}
+        log.parameters.update(log.newer_lidar)
     if not log.robots:
-        raise LogError(f"{path}: the log holds no scan (no FLASER line)")
+        raise LogError(f"{path}: the log holds no scan (no FLASER or ROBOTLASER1 line)")
     return log
 
 
@@ -87,17 +94,39 @@ def _add_line(words: list[str], log: CarmenLog) -> None:
         count = int(words[1])
         if count < 1 or len(words) < count + 11:
             raise ValueError(f"{count} readings need at least {count + 11} fields, got {len(words)}")
-        pose = _finite(words[2 + count : 8 + count])
         scans = log.robots.setdefault(_robot_of(words[9 + count]), LoggedScans())
-        scans.ranges_m.append(_readings(words[2 : 2 + count]))
-        scans.lidar_pose.append(pose[:3])
-        scans.odometry.append(pose[3:])
-        scans.stamps_s.append(_finite(words[8 + count : 9 + count])[0])
-        if len(scans.ranges_m[0]) != count:
-            raise ValueError(f"{count} readings after scans of {len(scans.ranges_m[0])}")
+        _add_scan(scans, words[2 : 2 + count], words[2 + count : 9 + count])
+    elif words[0] == "ROBOTLASER1":
+        _add_newer_line(words, log)
     elif words[0] == "TRUEPOS" and len(words) >= 9:
         values = _finite(words[1:8])
         log.robots.setdefault(_robot_of(words[8]), LoggedScans()).true_pose[values[6]] = values[:3]
+
+
+def _add_newer_line(words: list[str], log: CarmenLog) -> None:
+    """Store a scan that names its lidar: after readings and remissions the poses of lidar and robot, and the time."""
+    count = int(words[8])
+    after = words[10 + count + int(words[9 + count]) :] if count >= 1 else []
+    if len(after) < 12:
+        raise ValueError(f"{count} readings need more fields than {len(words)}")
+    first_rad, _, step_rad, max_m = _finite(words[2:6])
+    log.newer_lidar = {
+        "laser_front_laser_start_angle": str(math.degrees(first_rad)),
+        "laser_front_laser_resolution": str(math.degrees(step_rad)),
+        "robot_front_laser_max": str(max_m),
+    }
+    _add_scan(log.newer, words[9 : 9 + count], [*after[:6], after[11]])
+
+
+def _add_scan(scans: LoggedScans, readings: list[str], numbers: list[str]) -> None:
+    """Add a scan: its readings, then x, y, theta of both poses and the time."""
+    *poses, stamp_s = _finite(numbers)
+    scans.ranges_m.append(_readings(readings))
+    scans.lidar_pose.append(tuple(poses[:3]))
+    scans.odometry.append(tuple(poses[3:]))
+    scans.stamps_s.append(stamp_s)
+    if len(scans.ranges_m[0]) != len(readings):
+        raise ValueError(f"{len(readings)} readings after scans of {len(scans.ranges_m[0])}")
 
 
 def _robot_of(host: str) -> str:

@@ -45,6 +45,42 @@ def test_poses_stamps_and_ranges_are_those_of_the_lines_in_the_files_order(tmp_p
     assert run.read_ranges(1, 2).tolist() == [[3, 4]]
 
 
+def robotlaser(ranges: list[float], remissions: str = "0", max_m: float = 30.0) -> str:
+    lidar = f"0 -1.0 2.0 0.25 {max_m} 0.01 0 {len(ranges)} {' '.join(map(str, ranges))} {remissions}"
+    return f"ROBOTLASER1 {lidar} 1 2 0.5 5 1 0.25 0.1 0 0.3 0.2 1e6 10.5 host 10.6\n"
+
+
+def test_newer_scan_lines_say_what_lidar_they_are_of(tmp_path):
+    for remissions in ("0", "2 7 8"):
+        run = read_text(tmp_path, robotlaser([1.0, 30.0, 0.0], remissions) * 2)[0]
+        assert run.read_ranges(0, 2).tolist() == [[1.0, np.inf, -np.inf]] * 2
+        assert np.allclose(run.lidar.angles_rad, [-1.0, -0.75, -0.5])
+        assert run.lidar.range_max_m == 30.0
+        assert np.allclose(se2.parameters_of(run.trajectory.T_world_robot), [[1, 2, 0.5]] * 2)
+        assert run.trajectory.stamps_s.tolist() == [0.0, 0.0]
+
+
+def test_older_scan_lines_count_where_a_log_has_both(tmp_path):
+    run = read_text(tmp_path, robotlaser([1.0, 2.0, 3.0]) + flaser([4.0, 5.0]))[0]
+    assert run.read_ranges(0, run.num_scans).tolist() == [[4.0, 5.0]]
+    assert np.allclose(run.lidar.angles_rad, [-np.pi / 2, 0.0])
+
+
+def test_a_stated_maximum_just_above_the_sensors_own_is_its_own(tmp_path):
+    for text in (
+        robotlaser([1.0, 81.83, 81.91], max_m=81.92),
+        "PARAM robot_front_laser_max 82\n" + flaser([1, 81.83, 81.9]),
+    ):
+        run = read_text(tmp_path, text)[0]
+        assert run.read_ranges(0, 1).tolist() == [[1.0, np.inf, np.inf]]
+
+
+@pytest.mark.parametrize("line", ["ROBOTLASER1", robotlaser([1.0])[:60], robotlaser([]), robotlaser([1.0], "9")])
+def test_newer_scan_lines_that_break_off_are_refused(tmp_path, line):
+    with pytest.raises(LogError, match="line 1: malformed ROBOTLASER1 line"):
+        read_text(tmp_path, line)
+
+
 def test_readings_at_or_above_the_sensors_maximum_are_no_return(tmp_path):
     run = read_text(tmp_path, flaser([1.0, 81.83, 81.91, 0.0]))[0]
     assert run.read_ranges(0, 1).tolist() == [[1.0, np.inf, np.inf, -np.inf]]
