@@ -10,7 +10,7 @@ import pandas as pd
 from bench.reports import curves, fidelity, paper_claims, paper_tables, robust_tables
 from bench.reports.exhibit import Exhibit, first_of_each, load_exhibit
 from bench.reports.failed_runs import failed_runs
-from bench.reports.fidelity_comparison import compare_fidelity
+from bench.reports.fidelity_comparison import EXPLANATION, compare_fidelity
 from bench.reports.picture_chapters import error_chapter, gallery_chapter, picture_chapters
 from bench.reports.report import Section
 from bench.reports.summary import best_cells, summary_table, tell_overview
@@ -72,7 +72,7 @@ def make_chapters(
         gallery_chapter(cells, folder),
     ]
     chapters += picture_chapters(exhibits, folder)
-    explanation = robust_tables.EXPLANATION if settings.table == "robust" else ""
+    explanation = {"robust": robust_tables.EXPLANATION, "fidelity": EXPLANATION}.get(settings.table, "")
     chapters[0] = replace(chapters[0], text=tell_overview(results, time.perf_counter() - start) + explanation)
     return table, sentences, [c for c in chapters if c.table is not None or c.pictures]
 
@@ -106,10 +106,11 @@ _BREAKING_TEXT = (
 
 def _sweep_chapters(settings: BenchSettings, results: Results, folder: Path) -> list[Section]:
     chapters = []
+    datasets = ["datasets"] if results.scores["dataset"].nunique() > 1 else []
     varied = [key for key in results.swept if results.scores[key].nunique(dropna=False) > 1]
     for key in varied:
-        others = ", ".join(other for other in varied if other != key)
-        text = _BREAKING_TEXT + (f" A point takes the runs of all values of {others} together." if others else "")
+        others = ", ".join([*datasets, *(f"values of {other}" for other in varied if other != key)])
+        text = _BREAKING_TEXT + (f" A point takes the runs of all {others} together." if others else "")
         curve = curves.success_curve(results, key)
         if curve.empty:
             continue

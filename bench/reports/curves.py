@@ -122,14 +122,14 @@ def _draw_curve(table: pd.DataFrame, key: str, name: str, title: str) -> Svg:
         axis.set(title=title, xlabel=key)
         axis.grid(visible=True)
         _set_ticks(axis, table[key])
-        _set_range(axis, name)
+        _set_range(axis, name, float(table[f"{name}_high"].max()))
     return drawing.render(figure, f"{name}-{key}")
 
 
-def _set_range(axis: Axes, name: str) -> None:
-    """Shares from 0 to 100 %, success with the levels of its breaking points; costs from 0 on."""
+def _set_range(axis: Axes, name: str, highest: float) -> None:
+    """Shares from 0 to 100 %, success with the levels of its breaking points; costs from 0 to above the highest."""
     if name not in _SHARES:
-        axis.set_ylim(bottom=0.0)
+        axis.set_ylim(0.0, 1.05 * highest if highest > 0.0 else 1.0)
         return
     axis.set_ylim(-0.03, 1.03)
     axis.yaxis.set_major_formatter(lambda value, _position: f"{100 * value:.0f} %")
@@ -147,6 +147,8 @@ def _set_ticks(axis: Axes, values: "pd.Series[Any]") -> None:
         shown.append(tick if clear else "")
         last = place if clear else last
     axis.set_xticks(places, shown, rotation=45 if sum(map(len, shown)) > _MOST_LETTERS else 0)
+    margin = 0.05 * float(np.ptp(places) or 1.0)
+    axis.set_xlim(places[0] - margin, places[-1] + margin)
 
 
 def _span(counts: "pd.Series[int]") -> str:

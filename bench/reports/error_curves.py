@@ -1,6 +1,7 @@
 """Curves over many runs: errors as distributions, recall of pairs by overlap, reliability of confidences."""
 
 import itertools
+import math
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,9 @@ from bench.scoring import calibration
 from bench.scoring.metrics import WRONG_ABOVE_DEG, WRONG_ABOVE_M
 from bench.scoring.statistics import wilson_share
 
+NOTHING_SHARED = "none"
+"""The bin of pairs that have nothing in common: a motion between them is false."""
+_NO_RECALL = dict.fromkeys(("recall", "recall_low", "recall_high", "recall_initial"), math.nan)
 OVERLAP_BINS = (0.0, 0.1, 0.2, 0.3, 0.5, 1.0)
 """Edges of the bins of true overlap."""
 _SHOWN = (1e-4, 1e4)
@@ -68,39 +72,37 @@ def _draw_steps(steps: pd.DataFrame, bound: float, label: str) -> Svg:
 
 
 def recall_by_overlap(results: Results) -> pd.DataFrame:
-    """Recall of pairs by true overlap for each method, confirmed and initial, and the number of false ones."""
+    """Recall of pairs by true overlap for each method, confirmed and initial, and the number of false ones.
+
+    Of maps that have nothing in common, `NOTHING_SHARED`, no motion can be asked for: they have no recall.
+    """
     pairs = results.pairs
+    bins = {f"{low:g} to {high:g}": (low, high) for low, high in itertools.pairwise(OVERLAP_BINS)}
+    if not (pairs["overlap_true"] > 0.0).all():
+        bins = {NOTHING_SHARED: (-math.inf, 0.0)} | bins
     rows = []
-    for low, high in itertools.pairwise(OVERLAP_BINS):
-        for method, group in pairs.groupby("method", sort=False):
-            inside = group[(group["overlap_true"] > low) & (group["overlap_true"] <= high)]
-            right = inside["right"].astype(bool)
-            kept = right & (inside["status"] == "reliable")
-            share = wilson_share(int(kept.sum()), len(inside))
-            rows.append(
-                {
-                    "overlap": f"{low:g} to {high:g}",
-                    "method": method,
-                    "pairs": len(inside),
-                    "recall": share.value,
-                    "recall_low": share.low,
-                    "recall_high": share.high,
-                    "recall_initial": float(right.mean()) if len(inside) else float("nan"),
-                    "false": int((~right & (inside["status"] == "reliable")).sum()),
-                }
-            )
+    for (name, (low, high)), (method, group) in itertools.product(bins.items(), pairs.groupby("method", sort=False)):
+        inside = group[(group["overlap_true"] > low) & (group["overlap_true"] <= high)]
+        right, reliable = inside["right"].astype(bool), inside["status"] == "reliable"
+        asked = 0 if name == NOTHING_SHARED else len(inside)
+        share = wilson_share(int((right & reliable).sum()) if asked else 0, asked)
+        row = {"recall": share.value, "recall_low": share.low, "recall_high": share.high} if asked else {}
+        row |= {"recall_initial": float(right.mean())} if asked else {}
+        counts = {"pairs": len(inside), **_NO_RECALL, **row, "false": int((~right & reliable).sum())}
+        rows.append({"overlap": name, "method": method, **counts})
     return pd.DataFrame(rows)
 
 
 def draw_recall(recall: pd.DataFrame, folder: Path) -> Picture:
     """Recall of pairs against their true overlap, with 95 % intervals; hollow: before confirmation."""
-    hands, bins = drawing.method_hands(recall["method"]), list(dict.fromkeys(recall["overlap"]))
+    shown = recall[recall["overlap"] != NOTHING_SHARED]
+    hands, bins = drawing.method_hands(shown["method"]), list(dict.fromkeys(shown["overlap"]))
     width, height = drawing.CURVE_SIZE_IN
     with drawing.style():
         figure = drawing.new_figure(width * max(1.0, len(hands) / _METHODS_SIDE_BY_SIDE), height)
         axis = figure.subplots()
         for k, (method, hand) in enumerate(hands.items()):
-            group = recall[recall["method"] == method]
+            group = shown[shown["method"] == method]
             x = np.arange(len(group)) + 0.7 * ((k + 0.5) / len(hands) - 0.5)
             y = group["recall"].to_numpy(dtype=float)
             bars = np.abs(group[["recall_low", "recall_high"]].to_numpy(dtype=float).T - y)

@@ -15,6 +15,13 @@ from bench.scoring.statistics import wilson_share
 WIDENED_BY = 0.25
 """Share by which the span of the real logs is widened at either end."""
 
+EXPLANATION = (
+    "\nIn this table a statistic has a row, a dataset a column. From and to: the span of the real logs, of shares "
+    "that of their 95 % intervals, widened by a quarter; outside: the synthetic datasets that leave it. Low, mid and "
+    "high are pairs that overlap by up to 0.2, 0.4 and 1."
+)
+"""What the columns of the table mean."""
+
 
 def compare_fidelity(statistics: dict[str, Fidelity], real: Sequence[str]) -> tuple[pd.DataFrame, list[str]]:
     """Statistics side by side, one row each, with the span of the real logs and which synthetic ones lie outside.

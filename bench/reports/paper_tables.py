@@ -40,7 +40,7 @@ def make_table1(results: Results) -> tuple[pd.DataFrame, list[str]]:
                 "method": method,
                 "Obj.": median_of(group["objective"]),
                 "floor": median_of(group["objective_floor"]),
-                "T(s)": median_of(group["runtime_s"]),
+                "T(s)": median_of(group.loc[group["status"] == "ok", "runtime_s"]),
                 "answers": int((group["status"] == "ok").sum()),
                 "Suc.": f"{int(group['success'].astype(bool).sum())} of {len(group)}",
                 "maps": int(group["num_maps"].sum()),

@@ -17,7 +17,7 @@ from bench.stages import ScoredCell
 MAX_FAILURES = 6
 """Failures in the gallery."""
 MOST_PANELS = 9
-"""Panels of a chapter that are all shown; of more all pictures but the first are folded."""
+"""Panels of a chapter that are all shown; of more the pictures are folded, or all but the first."""
 MAX_ROWS = 12
 """A longer table of pairs is folded: it is drawn below."""
 _RECALL_WORDS = {
@@ -69,8 +69,8 @@ def picture_chapters(exhibits: Sequence[Exhibit], folder: Path) -> tuple[Section
     crosses = "A cross marks a motion that the truth contradicts."
     return (
         _fold(Section("Methods side by side", f"{walls} As the paper's Fig. 9.", tuple(rivals))),
-        _fold(Section("Merged maps", f"{walls} As the paper's Fig. 8.", tuple(merged))),
-        _fold(Section("Pairs of maps", f"{crosses} As the paper's Figs. 6 and 7.", tuple(pairs))),
+        _fold(Section("Merged maps", f"{walls} As the paper's Fig. 8.", tuple(merged)), num_open=0),
+        _fold(Section("Pairs of maps", f"{crosses} As the paper's Figs. 6 and 7.", tuple(pairs)), num_open=0),
     )
 
 
@@ -79,10 +79,10 @@ def gallery_chapter(cells: Sequence[ScoredCell], folder: Path) -> Section:
     return _fold(Section("Gallery of failures", _GALLERY_TEXT, tuple(_gallery(cells, folder))))
 
 
-def _fold(section: Section) -> Section:
-    """A section of many panels with all pictures but the first folded."""
+def _fold(section: Section, num_open: int = 1) -> Section:
+    """A section of many panels with all but its first pictures folded."""
     many = sum(len(picture.panels) for picture in section.pictures) > MOST_PANELS
-    return replace(section, num_open=1) if many else section
+    return replace(section, num_open=num_open) if many else section
 
 
 def _gallery(cells: Sequence[ScoredCell], folder: Path) -> list[Picture]:

@@ -51,6 +51,7 @@ def best_cells(table: pd.DataFrame) -> tuple[tuple[int, str], ...]:
             if name in _ERRORS and "placed" in group:  # who places fewer maps right is not more exact
                 right = group["placed"] - group["wrong"]
                 values = values[right == right.max()]
+            values = values.map(lambda value: float(f"{value:.3g}"))  # what reads the same is no better
             if values.nunique() > 1:
                 best = values.index[values == (values.max() if name in _BEST_HIGH else values.min())]
                 marks += [(int(index), name) for index in best if len(best) <= max(2, len(group) // 2)]
@@ -67,9 +68,9 @@ def tell_overview(results: Results, drawing_s: float) -> str:
         "belong in the frame that fits most of their component. "
         + (f"Runs that gave no answer: {silent}. " if silent else "")
         + (f"Runs that could not begin, and do not count: {missing}. " if missing else "")
-        + "Success: every map is placed in one component and none "
-        "is wrong; low and high are its 95 % interval (Wilson). Obj. is in cells²; its floor is its value under the "
-        "true motions, where it ranks nothing." + _overhead(results, drawing_s)
+        + "Success: every map is placed in one component and none is wrong; low and high are its 95 % interval "
+        "(Wilson). Errors, times and memory are medians over the runs that gave an answer. Obj. is in cells²; "
+        "its floor is its value under the true motions, where it ranks nothing." + _overhead(results, drawing_s)
     )
 
 

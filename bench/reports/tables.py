@@ -53,8 +53,8 @@ def write_results(folder: Path, results: Results) -> None:
 def summarize(results: Results, by: Sequence[str]) -> pd.DataFrame:
     """One row a group: success with its 95 % interval, placed and wrong maps, errors, times.
 
-    Medians are over the group's rows, of what is known; counts are sums. Runs that never began (`rows_that_ran`) do not
-    count.
+    Medians are over the runs that gave an answer, of what is known; counts are sums. Runs that never began
+    (`rows_that_ran`) do not count.
     """
     rows = []
     for keys, everything in results.scores.groupby(list(by), sort=False, dropna=False):
@@ -64,7 +64,7 @@ def summarize(results: Results, by: Sequence[str]) -> pd.DataFrame:
         row |= {"runs": len(group), "success": share.value, "success_low": share.low, "success_high": share.high}
         row |= {f"{name}": int(group[name].sum()) for name in ("num_maps", "num_placed", "num_wrong")}
         for name in _MEDIANS:
-            row[name] = median_of(group[name])
+            row[name] = median_of(group.loc[group["status"] == "ok", name])
         rows.append(row)
     return pd.DataFrame(rows)
 

@@ -116,7 +116,7 @@ class MapScore:
 
 @dataclass(frozen=True)
 class PairScore:
-    """One pair of one result that has a motion or a true overlap worth finding."""
+    """One pair of one result; of a method that names any pair, each that it does not name is one without a match."""
 
     target: str
     """Map that stays."""

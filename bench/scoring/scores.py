@@ -1,5 +1,6 @@
 """What is known of one method on one dataset, computed: its row of the scores, and those of its maps and pairs."""
 
+import itertools
 import math
 from typing import Any
 
@@ -8,7 +9,7 @@ import numpy.typing as npt
 
 from bench.cell import Outcome
 from bench.scoring import calibration, grid_metrics, metrics, pair_metrics, relation_metrics
-from bench.scoring.prediction import Prediction
+from bench.scoring.prediction import PredictedPair, Prediction
 from bench.scoring.score_rows import STAGES, MapScore, PairScore, Score
 from bench.scoring.yardstick import Yardstick
 
@@ -69,9 +70,9 @@ def _map_scores(prediction: Prediction, errors: metrics.PlacementErrors) -> list
 def _pair_scores(
     prediction: Prediction, T_world_map: npt.NDArray[np.float64], overlap: npt.NDArray[np.float64]
 ) -> list[PairScore]:
+    pairs = [*prediction.pairs, *_unnamed_pairs(prediction)]
     rows = []
-    errors = pair_metrics.errors_of_pairs(prediction.pairs, T_world_map)
-    for pair, (error_m, error_deg) in zip(prediction.pairs, errors, strict=True):
+    for pair, (error_m, error_deg) in zip(pairs, pair_metrics.errors_of_pairs(pairs, T_world_map), strict=True):
         rows.append(
             PairScore(
                 target=prediction.names[pair.target],
@@ -87,3 +88,11 @@ def _pair_scores(
             )
         )
     return rows
+
+
+def _unnamed_pairs(prediction: Prediction) -> list[PredictedPair]:
+    """Pairs on which a method that names others is silent: it found nothing there, and recall is of all pairs."""
+    named = {frozenset((pair.target, pair.source)) for pair in prediction.pairs}
+    every = itertools.combinations(range(len(prediction.names)), 2)
+    silent = [(i, j) for i, j in every if named and frozenset((i, j)) not in named]
+    return [PredictedPair(i, j, "no_match", None, None, math.nan, math.nan, math.nan) for i, j in silent]

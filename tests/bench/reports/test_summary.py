@@ -4,8 +4,9 @@ import pandas as pd
 import pytest
 
 from bench.reports.curves import breaking_points
+from bench.reports.error_curves import recall_by_overlap
 from bench.reports.summary import best_cells
-from bench.reports.tables import format_value, write_swept
+from bench.reports.tables import Results, format_value, write_swept
 
 
 def test_the_best_of_each_dataset_is_marked_and_errors_only_among_those_who_place_most_right() -> None:
@@ -24,6 +25,20 @@ def test_the_best_of_each_dataset_is_marked_and_errors_only_among_those_who_plac
 def test_what_most_methods_reach_is_not_marked() -> None:
     table = pd.DataFrame({"method": ["a", "b", "c", "d"], "placed": [4, 4, 4, 3], "wrong": [1, 1, 0, 0]})
     assert set(best_cells(table)) == {(2, "wrong"), (3, "wrong")}
+
+
+def test_what_reads_the_same_is_equally_good() -> None:
+    table = pd.DataFrame({"method": ["a", "b", "c"], "recall": [0.5, 0.90001, 0.90002]})
+    assert best_cells(table) == ((1, "recall"), (2, "recall"))
+
+
+def test_a_confirmed_pair_of_maps_that_share_nothing_is_counted_as_false() -> None:
+    row = {"method": "paper", "status": "reliable", "right": False, "overlap_true": 0.0}
+    pairs = pd.DataFrame([row, row | {"status": "no_match"}, row | {"right": True, "overlap_true": 0.4}])
+    table = recall_by_overlap(Results(pd.DataFrame(), pd.DataFrame(), pairs, ())).set_index("overlap")
+    assert table["pairs"].tolist() == [2, 0, 0, 0, 1, 0]
+    assert table["false"].tolist() == [1, 0, 0, 0, 0, 0]
+    assert table["recall"].isna().tolist() == [True, True, True, True, False, True]
 
 
 def test_who_places_nothing_is_not_best_at_making_no_mistakes() -> None:

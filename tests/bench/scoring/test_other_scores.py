@@ -1,11 +1,16 @@
 """Laws of the scores of pairs, relations, grids, confidences and 'Obj.'."""
 
+import itertools
+
 import numpy as np
 import pytest
 
+from bench.cell import Outcome
 from bench.scoring import calibration, grid_metrics, map_raster, objective, pair_metrics, relation_metrics
 from bench.scoring.nearest_other import nearest_other_m
+from bench.scoring.scores import score_result
 from bench.scoring.statistics import breaking_point, wilson_share
+from bench.scoring.yardstick import make_yardstick
 from merger import se2
 from merger.edges import extract_edge_points
 from merger.grid_map import GridMap
@@ -42,6 +47,16 @@ def test_a_false_edge_costs_precision_and_a_missing_one_recall(answer, pair) -> 
 def test_a_method_that_names_no_pair_has_no_pair_scores(answer) -> None:
     truth = draw_motions(2, 3)
     assert np.isnan(pair_metrics.score_pairs(answer(truth), truth, np.ones((3, 3))).edge_precision)
+
+
+def test_a_pair_on_which_a_method_is_silent_is_one_that_it_did_not_find(dataset, answer, pair) -> None:
+    yardstick, truth = make_yardstick(dataset), dataset.truth.T_world_map
+    _, _, silent = score_result(yardstick, answer(truth), Outcome("ok"))
+    _, _, named = score_result(yardstick, answer(truth, pairs=(pair(2, 1, np.eye(3)),)), Outcome("ok"))
+    assert silent == []
+    every = set(map(frozenset, itertools.combinations(dataset.truth.names, 2)))
+    assert {frozenset((row.target, row.source)) for row in named} == every
+    assert [row.status for row in named] == ["reliable", *["no_match"] * 5]
 
 
 def test_relations_are_exact_under_the_truth_and_feel_a_shift(answer) -> None:
