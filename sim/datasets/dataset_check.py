@@ -1,5 +1,6 @@
 """Is a dataset folder what it says it is? Checksums, schemas, and the truth against the recording."""
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -8,7 +9,7 @@ import numpy as np
 
 from merger.grid_map import GridMap
 from merger.map_server import read_map
-from sim.datasets.dataset_folder import INDEX, DatasetError, file_sha256, read_index
+from sim.datasets.dataset_folder import INDEX, DatasetError, encode_index, file_sha256, read_index
 from sim.maps.truth import Truth, TruthError, read_truth
 from sim.recordings.recording_reader import RecordedTruth, read_recorded_truth
 from sim.recordings.tum import read_tum
@@ -23,24 +24,27 @@ def check_dataset(folder: Path) -> list[str]:
 
     Checked are: the index and its schema; that the files are just those of the index, with their checksums; the
     files that every dataset has; the schema and ranges of ``truth.json``; that every map can be read; that the
-    recording holds the same maps, places, true poses and truth.json as the other files.
+    recording holds the same settings, maps, places, true poses and truth.json as the other files.
     """
     try:
         index = read_index(folder)
     except DatasetError as error:
         return [str(error)]
     faults = [*_check_files(folder, index["files"])]
+    if (folder / INDEX).read_bytes() != encode_index(index):
+        faults.append(f"{folder / INDEX}: has changed (it is not written as datasets are)")
     try:
         truth = read_truth(folder / "truth.json")
     except TruthError as error:
         return [*faults, str(error)]
     faults += _check_truth(truth)
-    return [*faults, *_check_recording(folder, truth)]
+    return [*faults, *_check_recording(folder, truth, index)]
 
 
 def _check_files(folder: Path, checksums: dict[str, Any]) -> Iterator[str]:
     """Files against the index, both ways."""
-    present = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()} - {INDEX}
+    found = (path for path in folder.rglob("*") if path.is_file() or path.is_symlink())
+    present = {path.relative_to(folder).as_posix() for path in found} - {INDEX}
     for name in sorted(set(_REQUIRED) - set(checksums)):
         yield f"{folder}: {name} is not in the index"
     for name in sorted(present - set(checksums)):
@@ -64,8 +68,8 @@ def _check_truth(truth: Truth) -> Iterator[str]:
         yield "truth.json: overlap fractions must be in [0, 1]"
 
 
-def _check_recording(folder: Path, truth: Truth) -> Iterator[str]:
-    """The recording against maps, truth and trajectories."""
+def _check_recording(folder: Path, truth: Truth, index: dict[str, Any]) -> Iterator[str]:
+    """The recording against index, maps, truth and trajectories."""
     path = folder / "recording.mcap"
     try:
         recorded = read_recorded_truth(path)
@@ -74,6 +78,7 @@ def _check_recording(folder: Path, truth: Truth) -> Iterator[str]:
         return
     if recorded.truth_json != (folder / "truth.json").read_bytes():
         yield f"{path}: its attachment truth.json differs from the folder's"
+    yield from _check_index(folder, recorded, index)
     yield from _check_places(path, recorded, truth)
     for name in truth.names:
         try:
@@ -84,6 +89,15 @@ def _check_recording(folder: Path, truth: Truth) -> Iterator[str]:
             yield from _check_map(path, recorded.maps.get(name), stored)
     for robot in sorted(set(truth.robot)):
         yield from _check_trajectory(folder, recorded, robot)
+
+
+def _check_index(folder: Path, recorded: RecordedTruth, index: dict[str, Any]) -> Iterator[str]:
+    """The index, which no checksum guards, against what the recording says of the dataset."""
+    for key in ("name", "seed", "version"):
+        if recorded.metadata.get(key) != str(index[key]):
+            yield f"{folder / INDEX}: its {key} is not the recording's"
+    if recorded.config_json != (json.dumps(index["config"], indent=1) + "\n").encode():
+        yield f"{folder / INDEX}: its config is not the recording's"
 
 
 def _check_places(path: Path, recorded: RecordedTruth, truth: Truth) -> Iterator[str]:

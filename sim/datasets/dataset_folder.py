@@ -74,10 +74,14 @@ def write_index(folder: Path, fields: dict[str, Any]) -> None:
     """Write ``dataset.json``: the fields, and the checksum of every file in the folder."""
     paths = sorted(path for path in folder.rglob("*") if path.is_file())
     files = {path.relative_to(folder).as_posix(): file_sha256(path) for path in paths}
-    document = json.dumps({"schema": 1, **fields, "files": files}, indent=1, allow_nan=False) + "\n"
     temporary = folder / f".{INDEX}.tmp"
-    temporary.write_text(document, encoding="utf-8")
+    temporary.write_bytes(encode_index({"schema": 1, **fields, "files": files}))
     temporary.replace(folder / INDEX)
+
+
+def encode_index(document: dict[str, Any]) -> bytes:
+    """The bytes of ``dataset.json``."""
+    return (json.dumps(document, indent=1, allow_nan=False) + "\n").encode()
 
 
 def read_index(folder: Path) -> dict[str, Any]:

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from mcap.exceptions import McapError
 from mcap.reader import McapReader, make_reader
+from rosbags.serde import SerdeError
 from zstandard import ZstdError
 
 from merger import grid_map, se2
@@ -18,6 +19,9 @@ from merger.grid_map import GridMap
 from sim.recordings.recording_messages import EPOCH_NS, typestore
 
 Array = npt.NDArray[np.float64]
+
+_DAMAGES = (McapError, ZstdError, SerdeError, LookupError, ValueError, OverflowError, AttributeError, struct.error)
+"""What reading a damaged recording may end in."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,10 @@ class RecordedTruth:
     """Scans of each robot."""
     truth_json: bytes
     """The attachment."""
+    config_json: bytes
+    """The attachment."""
+    metadata: dict[str, str]
+    """Name, seed and version of the dataset, and where it came from."""
 
 
 def read_recorded_truth(path: Path) -> RecordedTruth:
@@ -50,7 +58,7 @@ def read_recorded_truth(path: Path) -> RecordedTruth:
             return _read(reader)
     except OSError as error:
         raise ValueError(f"{path}: cannot be read ({error.strerror})") from None
-    except (McapError, ZstdError, LookupError, ValueError, OverflowError, AttributeError, struct.error) as error:
+    except _DAMAGES as error:
         raise ValueError(f"{path}: not a sound recording ({type(error).__name__}: {error})") from None
 
 
@@ -78,13 +86,16 @@ def _read(reader: McapReader) -> RecordedTruth:
             position, quaternion = decoded.pose.position, decoded.pose.orientation
             stamp_s = (message.log_time - EPOCH_NS) / 1e9
             poses[words[0]].extend((stamp_s, position.x, position.y, quaternion.z, quaternion.w))
+    attached = {item.name: item.data for item in reader.iter_attachments()}
     return RecordedTruth(
         maps,
         np.stack([places[k] for k in range(len(places))]),
         listed,
         {robot: _trajectory(values) for robot, values in poses.items()},
         dict(scans),
-        next((a.data for a in reader.iter_attachments() if a.name == "truth.json"), b""),
+        attached.get("truth.json", b""),
+        attached.get("config.json", b""),
+        {key: value for item in reader.iter_metadata() for key, value in item.metadata.items()},
     )
 
 

@@ -196,6 +196,24 @@ def test_the_check_compares_the_checksum_of_every_file(folder):
     assert check_dataset(folder) == [f"{folder}: README.md has changed (its SHA-256 differs)"]
 
 
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('"alpha1": 0.1', '"alpha1": 0.2'),
+        ('"duration_s"', '"durations"'),
+        ('"seed": ', '"seed": 1'),
+        ('"version": "', '"version": "9'),
+        (" ", "\t"),
+    ],
+)
+def test_the_check_names_an_index_that_has_been_changed(folder, old, new):
+    text = (folder / "dataset.json").read_text()
+    (folder / "dataset.json").write_text(text.replace(old, new, 1))
+    assert old in text
+    assert any(f"{folder}/dataset.json: " in fault for fault in check_dataset(folder))
+    (folder / "dataset.json").write_text(text)
+
+
 def test_the_check_names_missing_and_foreign_files_and_a_broken_index(folder):
     (folder / "world.png").unlink()
     (folder / "notes.txt").write_text("x")
