@@ -35,7 +35,7 @@ def write_scan_log(path: Path, runs: Sequence[RobotRun], name: str) -> None:
         name: Name of the dataset, for the head of the file.
     """
     streams = [_scan_lines(robot, run) for robot, run in enumerate(runs)]
-    with path.open("w", encoding="ascii", newline="\n") as file:
+    with path.open("w", encoding="utf-8", newline="\n") as file:
         file.write(f"# {name}: CARMEN log written by mapmerge-bench\n")
         file.write("# message formats defined: PARAM ODOM TRUEPOS FLASER\n")
         file.writelines(f"PARAM {key} {value!r} nohost 0\n" for key, value in _parameters(runs[0].lidar))

@@ -59,6 +59,13 @@ def test_the_folder_made_is_named_on_stdout(run, tiny_log, tmp_path):
     assert (tmp_path / "out" / "tiny" / "dataset.json").is_file()
 
 
+def test_a_dataset_may_have_a_name_in_any_letters(run, tiny_log, tmp_path):
+    status, _, err = run("source=carmen", f"source.path={tiny_log}", "submaps.count=2", "name=Büro 一", "out=x")
+    assert (status, err) == (0, "")
+    assert run("check", "x")[0] == 0
+    assert read_dataset(tmp_path / "x").name == "Büro 一"
+
+
 @pytest.mark.parametrize(
     ("arguments", "fault"),
     [
