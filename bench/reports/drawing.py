@@ -13,8 +13,10 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 from matplotlib import colormaps
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from bench.reports.svg import INK, Entry, Legend, Svg, parse_svg, scope_ids, write_file, write_inline
 from bench.store import write_text
@@ -47,6 +49,8 @@ PAIR_COLOURS = {"tree": "#bf3650", "reliable": "#f2b134", "rejected": "#9aa3b0",
 """Colours of relative motions: in the tree, confirmed, rejected, none."""
 MOST_MAP_COLOURS = 250
 """Colours of maps; with more maps they come again."""
+_MOST_DECADES = 6
+"""Labels that a logarithmic axis has room for."""
 CURVE_SIZE_IN = (4.8, 3.6)
 """Width and height of a panel with curves."""
 
@@ -124,6 +128,13 @@ def style() -> Iterator[None]:
 def new_figure(width: float, height: float) -> Figure:
     """A figure of this size in inches, laid out without overlaps; call within `style`."""
     return Figure(figsize=(width, height), layout="constrained")
+
+
+def set_plain_decades(axis: Axes) -> None:
+    """Label the decades of a logarithmic x axis by plain numbers: powers of ten take long to be set."""
+    axis.xaxis.set_major_locator(LogLocator(numticks=_MOST_DECADES))
+    axis.xaxis.set_major_formatter(lambda value, _position: f"{value:g}")
+    axis.xaxis.set_minor_formatter(NullFormatter())
 
 
 def render(figure: Figure, name: str) -> Svg:

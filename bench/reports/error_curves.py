@@ -67,6 +67,7 @@ def _draw_steps(steps: pd.DataFrame, bound: float, label: str) -> Svg:
             line.set(color=hand.colour, marker=hand.marker, markersize=5, markevery=0.12)
         axis.axvline(bound, linestyle=":", linewidth=1, color="#888888")
         axis.set(xscale="log", ylim=(0, 1.03), xlabel=label, ylabel="share of all maps within it")
+        drawing.set_plain_decades(axis)
         axis.grid(visible=True)
     return drawing.render(figure, "errors-" + label.rpartition(" ")[2])
 
