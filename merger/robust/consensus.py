@@ -8,6 +8,7 @@ Nothing is joined below a fixed probability, to which a cycle adds: what is left
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
@@ -108,7 +109,7 @@ class Agreement:
     joins: tuple[Join, ...]
     """Its steps, in order."""
     open_motions: tuple[tuple[tuple[int, ...], tuple[int, ...], Hypothesis], ...]
-    """The best motion between any two groups that stayed apart, if there is one."""
+    """The best motion between any two of the groups, if there is one."""
     taken_back: tuple[Join, ...] = ()
     """Steps that were taken back, because sure motions to maps of other groups contradict each other over them."""
 
@@ -151,10 +152,10 @@ def grow_groups(
             best[(one.members, other.members)] = found
             watch(one, other, found)
         groups[joined.members] = joined
-    remaining = tuple((a, b, _surest(items)) for (a, b), items in sorted(best.items()))
     sides = [(join.members, join.others) for join in joins]
     left, fallen = part_strained(list(groups.values()), sides, relations, config.strain)
     ordered = sorted(left, key=lambda group: (-len(group.members), group.members))
+    remaining = tuple(_open_motions(ordered, groups, best, hypotheses))
     standing = tuple(join for number, join in enumerate(joins) if number not in fallen)
     return Agreement(tuple(ordered), standing, remaining, tuple(joins[number] for number in fallen))
 
@@ -175,6 +176,19 @@ def _next_step(
         if motion.log_odds >= config.min_log_odds - lower[support]:
             return a, b, motion, support
     return None
+
+
+def _open_motions(
+    left: Sequence[Formation], judged: dict[Key, Group], best: Judged, hypotheses: PairHypotheses
+) -> Iterator[tuple[Key, Key, Hypothesis]]:
+    """The best motion between any two groups that are left; by single maps, where one is what joins taken back left."""
+    for a, b in combinations(sorted(left, key=lambda group: group.members), 2):
+        motions = best.get((a.members, b.members), ())
+        if not (a.members in judged and b.members in judged):
+            voices = voices_between(a, b, hypotheses, -np.inf)
+            motions = tuple(replace(voice.hypothesis, T_target_source=voice.T_a_b) for voice in voices)
+        if motions:
+            yield a.members, b.members, _surest(motions)
 
 
 def _surest(motions: Sequence[Hypothesis]) -> Hypothesis:

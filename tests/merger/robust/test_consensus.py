@@ -229,3 +229,17 @@ def test_a_placed_pair_without_common_walls_is_not_reliable(found):
         True,
         False,
     ]
+
+
+def test_open_motions_name_the_groups_that_are_left_when_a_join_is_taken_back(found):
+    """Maps 0 and 1 are joined, but both are sure of map 2, at places that contradict each other and the walls."""
+    sure = {pair: (replace(motions[0], log_odds=8.0),) for pair, motions in found[2].items() if motions}
+    off = {(0, 2): se2.make_motion(40.0, 0.0, 0.5), (1, 2): se2.make_motion(-40.0, 9.0, 2.0)}
+    for pair, T in off.items():
+        sure[pair] = (replace(sure[(0, 1)][0], T_target_source=T, log_odds=5.0),)
+    agreement = grow(found, sure)
+    assert [join.members + join.others for join in agreement.taken_back] == [(0, 1)]
+    assert [group.members for group in agreement.groups] == [(0,), (1,), (2,)]
+    assert [(a, b) for a, b, _ in agreement.open_motions] == [((0,), (1,)), ((0,), (2,)), ((1,), (2,))]
+    for a, b, motion in agreement.open_motions:
+        assert motion.T_target_source == pytest.approx(sure[a + b][0].T_target_source)
