@@ -14,7 +14,7 @@ from merger.files.result_files import write_result
 from merger.pipeline import METHODS, MergeConfig, Method, merge_maps
 from merger.result import MergeResult
 
-_MERGED, _NOTHING_MERGED, _BAD_INPUT = 0, 1, 2
+_MERGED, _NOTHING_MERGED, _BAD_INPUT, _INTERRUPTED = 0, 1, 2, 130
 
 
 class _Parser(argparse.ArgumentParser):
@@ -30,12 +30,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command.
 
     Returns:
-        The exit status: 0, two or more maps were merged; 1, nothing could be merged; 2, bad input or usage.
+        The exit status: 0, two or more maps were merged; 1, nothing could be merged; 2, bad input or usage;
+        130, interrupted.
     """
     parser = _make_parser()
     options = parser.parse_args(argv)
     cv2.setNumThreads(1)  # --workers threads or processes do the work.
     try:
+        if not options.out:
+            raise ValueError("--out must name a folder, got ''")
         _refuse_bad_folder(Path(options.out))
         maps = read_maps(options.maps)
         config = MergeConfig(
@@ -53,6 +56,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         fault = f"not enough memory ({str(error) or 'none left'})" if isinstance(error, MemoryError) else error
         print(f"{parser.prog}: {' '.join(str(fault).split())}", file=sys.stderr)
         return _BAD_INPUT
+    except KeyboardInterrupt:
+        return _INTERRUPTED
     _clear_progress()
     _report(result, options)
     return _MERGED if result.num_placed >= 2 else _NOTHING_MERGED

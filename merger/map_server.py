@@ -66,14 +66,13 @@ def read_map(path: str | os.PathLike[str]) -> GridMap:
 
 
 def write_map(path: str | os.PathLike[str], grid: GridMap) -> None:
-    """Write a map as trinary PGM and YAML; each file is written whole or not at all.
+    """Write a map as trinary PGM and YAML, both or none.
 
     Args:
         path: The YAML file to write; the image gets the same stem and ``.pgm``.
         grid: The map; log-odds are reduced to occupied, free and unknown.
     """
-    for file, data in encode_map(Path(path), grid).items():
-        write_whole(file, data)
+    write_whole(encode_map(Path(path), grid))
 
 
 def encode_map(path: Path, grid: GridMap) -> dict[Path, bytes]:

@@ -17,7 +17,7 @@ from merger.whole_file import write_whole
 
 
 def write_result(folder: str | os.PathLike[str], result: MergeResult, maps: Sequence[GridMap]) -> None:
-    """Write a merge into a folder, which is made if need be; ``result.json`` comes last.
+    """Write a merge into a folder, which is made if need be: all files or none; ``result.json`` comes last.
 
     Args:
         folder: Where to write.
@@ -35,5 +35,4 @@ def write_result(folder: str | os.PathLike[str], result: MergeResult, maps: Sequ
         files[folder / "merged.png"] = cv2.imencode(".png", picture)[1].tobytes()
     files[folder / "result.json"] = (json.dumps(to_json_dict(result), indent=1, allow_nan=False) + "\n").encode()
     folder.mkdir(parents=True, exist_ok=True)
-    for path, data in files.items():
-        write_whole(path, data)
+    write_whole(files)

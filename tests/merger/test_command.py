@@ -1,5 +1,6 @@
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -167,6 +168,7 @@ def test_bad_maps_are_told_in_one_line_and_nothing_is_written(folder, tmp_path, 
         (["{maps}", "--resolution", "0.001"], "choose a larger resolution"),
         (["{maps}", "--method", "magic"], "invalid choice: 'magic'"),
         (["{maps}", "--seed", "two"], "invalid int value: 'two'"),
+        (["{maps}", "--out", ""], "--out must name a folder, got ''"),
         (["{maps}", "--frobnicate"], "unrecognized arguments: --frobnicate"),
         ([], "the following arguments are required"),
     ],
@@ -176,7 +178,7 @@ def test_wrong_usage_is_told_in_one_line_and_nothing_is_written(folder, tmp_path
     places = {"maps": folder, "empty": tmp_path / "empty"}
     words = [word.format(**places) for word in arguments]
     try:
-        status = main(["--method", "paper", *words, "--out", str(tmp_path / "out")])
+        status = main(["--method", "paper", "--out", str(tmp_path / "out"), *words])
     except SystemExit as stop:
         status = stop.code
     captured = capsys.readouterr()
@@ -184,6 +186,13 @@ def test_wrong_usage_is_told_in_one_line_and_nothing_is_written(folder, tmp_path
     assert fault in captured.err
     assert len(captured.err.splitlines()) == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_a_result_is_written_whole_or_not_at_all(folder, tmp_path, capsys):
+    (tmp_path / "result.json").mkdir()
+    assert main([str(folder), "--out", str(tmp_path), *_PAPER]) == 2
+    assert re.fullmatch(r"python -m merger: .* is a folder, no file: '.*result\.json'\n", capsys.readouterr().err)
+    assert [file.name for file in tmp_path.iterdir()] == ["result.json"]
 
 
 def test_hidden_files_of_a_folder_are_no_maps(folder, tmp_path):
@@ -198,13 +207,22 @@ def test_a_folder_whose_name_is_no_text_can_be_written_to(folder, tmp_path, caps
     assert capsys.readouterr().out.endswith("/\\xff\n")
 
 
-def test_too_little_memory_is_told_in_one_line(folder, tmp_path, capsys, monkeypatch):
+@pytest.mark.parametrize(
+    ("fault", "status", "told"),
+    [
+        (MemoryError(), 2, "python -m merger: not enough memory (none left)\n"),
+        (OSError("disk\nfull"), 2, "python -m merger: disk full\n"),
+        (KeyboardInterrupt(), 130, ""),
+    ],
+)
+def test_what_ends_the_work_is_told_in_one_line(folder, tmp_path, capsys, monkeypatch, fault, status, told):
     def fail(*_args, **_options):
-        raise MemoryError
+        raise fault
 
     monkeypatch.setattr("merger.__main__.merge_maps", fail)
-    assert main([str(folder), "--out", str(tmp_path / "out"), *_PAPER]) == 2
-    assert capsys.readouterr().err == "python -m merger: not enough memory (none left)\n"
+    assert main([str(folder), "--out", str(tmp_path / "out"), *_PAPER]) == status
+    assert capsys.readouterr().err == told
+    assert not (tmp_path / "out").exists()
 
 
 def test_an_out_that_is_a_file_is_refused_before_the_work(folder, tmp_path, capsys):

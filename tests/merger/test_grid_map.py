@@ -76,9 +76,11 @@ def test_cutting_off_the_unknown_leaves_every_known_cell_at_its_place():
     assert crop_to_known(nothing) is nothing
 
 
-def test_a_file_is_written_whole_or_not_at_all(tmp_path):
-    write_whole(tmp_path / "a", b"old")
-    with pytest.raises(TypeError):
-        write_whole(tmp_path / "a", "not bytes")
+@pytest.mark.parametrize(("second", "error"), [("not bytes", TypeError), (None, IsADirectoryError)])
+def test_files_are_written_whole_and_all_or_none(tmp_path, second, error):
+    write_whole({tmp_path / "a": b"old"})
+    (tmp_path / "b").mkdir()
+    with pytest.raises(error):
+        write_whole({tmp_path / "a": b"new", tmp_path / ("c" if second else "b"): second or b"new"})
     assert (tmp_path / "a").read_bytes() == b"old"
-    assert [file.name for file in tmp_path.iterdir()] == ["a"]
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["a", "b"]
