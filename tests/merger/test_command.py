@@ -208,14 +208,16 @@ def test_a_folder_whose_name_is_no_text_can_be_written_to(folder, tmp_path, caps
 
 
 @pytest.mark.parametrize(
-    ("fault", "status", "told"),
+    "ending",
     [
         (MemoryError(), 2, "python -m merger: not enough memory (none left)\n"),
         (OSError("disk\nfull"), 2, "python -m merger: disk full\n"),
         (KeyboardInterrupt(), 130, ""),
     ],
 )
-def test_what_ends_the_work_is_told_in_one_line(folder, tmp_path, capsys, monkeypatch, fault, status, told):
+def test_what_ends_the_work_is_told_in_one_line(folder, tmp_path, capsys, monkeypatch, ending):
+    fault, status, told = ending
+
     def fail(*_args, **_options):
         raise fault
 
