@@ -24,6 +24,8 @@ SCANS = "{scans}"
 """What a command may contain: a folder with the scans of each map, see `bench.mergers.submap_scans`."""
 SKIP_STATUS = 77
 """Exit status of a command that cannot run here (as in Automake); its last line on stderr is the reason."""
+LOG = "stderr.txt"
+"""The end of what a command wrote to stderr, beside its answer."""
 _ORDER = "order.txt"
 _TAIL_BYTES = 4096
 _CHUNK_BYTES = 1 << 16
@@ -69,8 +71,10 @@ def call_command(command: str, maps: Sequence[Path], work: Path) -> dict[str, An
     places = {"{maps}": str(copies), "{out}": str(out), SCANS: str(_scans(command, maps, work))}
     words = [_fill_in(word, places) for word in shlex.split(command)]
     start, start_cpu_s = time.perf_counter(), _children_cpu_s()
-    status, last_line = _run(words)
+    status, said = _run(words)
     fields = {"wall_s": time.perf_counter() - start, "cpu_s": _children_cpu_s() - start_cpu_s}
+    _keep_log(out, said)
+    last_line = one_line(said.splitlines()[-1], 300) if said else ""
     if status == SKIP_STATUS:
         raise Skipped(last_line or "the command says that it cannot run here")
     answered = status == 0 or (status == 1 and (out / "result.json").is_file())  # 1: nothing could be merged
@@ -110,7 +114,7 @@ def _fill_in(word: str, places: dict[str, str]) -> str:
 
 
 def _run(words: list[str]) -> tuple[int, str]:
-    """Run a command to its end: its exit status and the last line that it wrote to stderr."""
+    """Run a command to its end: its exit status and the end of what it wrote to stderr."""
     try:
         process = subprocess.Popen(
             words,
@@ -127,8 +131,13 @@ def _run(words: list[str]) -> tuple[int, str]:
     reader.start()
     status = process.wait()
     reader.join(_LAST_WORDS_S)
-    lines = tail.decode("utf-8", errors="replace").strip().splitlines()
-    return status, one_line(lines[-1], 300) if lines else ""
+    return status, tail.decode("utf-8", errors="replace").strip()
+
+
+def _keep_log(out: Path, said: str) -> None:
+    """Leave what a command said beside its answer, where it has no such file of its own."""
+    if said and out.is_dir() and not (out / LOG).exists():
+        (out / LOG).write_text(f"{said}\n", encoding="utf-8")
 
 
 def _keep_tail(stream: IO[bytes], tail: bytearray) -> None:

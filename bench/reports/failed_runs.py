@@ -8,8 +8,8 @@ from bench.stages import ScoredCell
 
 _TEXT = (
     "Each reason with the number of its runs, and the first of them. A run without an answer is no success; none of "
-    "its maps is placed. What a method wrote lies in the folder beside the reason. Runs are tried again with "
-    "retry_failed=true, and by themselves once the program that the command names has changed."
+    "its maps is placed. What a method wrote lies in the folder beside the reason, with the end of its stderr. Runs "
+    "are tried again with retry_failed=true, and by themselves once the program that the command names has changed."
 )
 _NOTHING = "nothing was run"
 MAX_ROWS = 12

@@ -131,6 +131,15 @@ def test_a_method_that_is_stopped_leaves_no_folder_behind(
     assert not list(place.iterdir())
 
 
+def test_the_end_of_what_a_command_says_lies_beside_its_answer(tmp_path: Path, tiny_config: SimConfig) -> None:
+    source = "import sys; print('x' * 9000 + '\\nfirst\\nlast', file=sys.stderr); sys.exit(3)"
+    row = external_row(Store(tmp_path / "own"), tiny_config, command(tmp_path, source))
+    (log,) = (tmp_path / "own" / "predictions").glob("*/stderr.txt")
+    assert row["reason"].endswith("exit status 3: last")
+    assert log.read_text().endswith("x\nfirst\nlast\n")
+    assert len(log.read_text()) < 5000
+
+
 def test_an_external_method_that_cannot_run_here_is_skipped(
     tmp_path: Path, store: Store, tiny_config: SimConfig
 ) -> None:
