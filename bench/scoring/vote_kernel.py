@@ -6,7 +6,7 @@ from numba import njit
 
 OCCUPIED, FREE = 1, 2
 """Marks of cells; 0 is unknown."""
-_BITS, _LOW = np.uint32(16), np.uint32(0xFFFF)
+_BITS, _LOW = np.uint64(16), np.uint64(0xFFFF)
 
 
 @njit(cache=True, nogil=True)
@@ -62,7 +62,7 @@ def compare_cells(
     """
     rows, cols, top, left = place
     agree, disagree, walls, all_walls, floor, all_floor = 0, 0, 0, 0, 0, 0
-    votes, at = np.empty(cols, dtype=np.uint32), np.empty(cols, dtype=np.int32)
+    votes, at = np.empty(cols, dtype=np.uint64), np.empty(cols, dtype=np.int32)
     true_row = np.zeros(cols, dtype=np.uint8)
     for row in range(rows):
         votes[:] = 0
@@ -73,7 +73,7 @@ def compare_cells(
         if top <= row < top + len(true):
             true_row[left : left + true.shape[1]] = true[row - top]
         for col in range(cols):
-            o, f = np.int64(votes[col] & _LOW), np.int64(votes[col] >> _BITS)
+            o, f = np.int64((votes[col] >> _BITS) & _LOW), np.int64(votes[col] >> (_BITS + _BITS))
             wall, free = (o > 0) & (o >= f), f > o
             true_wall, true_free = (true_row[col] & OCCUPIED) != 0, (true_row[col] & FREE) != 0
             agree += int((o * (o - 1) + f * (f - 1)) >> 1)
@@ -91,20 +91,20 @@ def _add_row(
     sheet: npt.NDArray[np.int64],
     T: npt.NDArray[np.float64],
     row: int,
-    buffers: tuple[npt.NDArray[np.uint32], npt.NDArray[np.int32]],
+    buffers: tuple[npt.NDArray[np.uint64], npt.NDArray[np.int32]],
 ) -> None:
-    """Count what one map says along a row of the raster: occupied in the lower half of a number, free in the upper."""
+    """Count what one map says along a row of the raster: 16 bits of a number for each mark."""
     votes, at = buffers
-    x0, y0 = T[0, 1] * (row + 0.5) + T[0, 2], T[1, 1] * (row + 0.5) + T[1, 2]
     width = np.int32(sheet[2])
+    x0, y0 = T[0, 1] * (row + 0.5) + T[0, 2], T[1, 1] * (row + 0.5) + T[1, 2]
     first, last = _clip(x0, T[0, 0], sheet[2], sheet[5], sheet[6])
     first, last = _clip(y0, T[1, 0], sheet[1], first, last)
-    for col in range(first, last):
-        at[col] = np.int32(y0 + T[1, 0] * (col + 0.5)) * width + np.int32(x0 + T[0, 0] * (col + 0.5))
+    for k in range(last - first):
+        centre = np.float64(np.int32(k)) + (first + 0.5)  # 32 bits: several at a time
+        at[k] = np.int32(y0 + T[1, 0] * centre) * width + np.int32(x0 + T[0, 0] * centre)
     cells = marks[sheet[0] : sheet[0] + sheet[1] * sheet[2]]
-    for col in range(first, last):
-        mark = np.uint32(cells[np.uint32(at[col])])
-        votes[col] += (mark & np.uint32(OCCUPIED)) | ((mark >> np.uint32(1)) << _BITS)
+    for k in range(last - first):
+        votes[first + k] += np.uint64(1) << (np.uint64(cells[np.uint32(at[k])]) * _BITS)
 
 
 @njit(cache=True, nogil=True)
