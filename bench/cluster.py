@@ -3,7 +3,10 @@
 A job leaves nothing but finished cells; whoever launched it gathers them from the store, as if it had run them itself.
 """
 
+import hashlib
+import os
 import pickle
+import shutil
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,15 +18,18 @@ from omegaconf import DictConfig
 from omegaconf.errors import OmegaConfBaseException
 
 from bench.cell import Cell
+from bench.one_line import one_line as shorten
 from bench.run import RunOptions, run_cells
 from bench.store import Store, write_bytes
 from sim.hydra_schema import OverrideError, one_line
 
-_PLAN = "plan.pickle"
+
+class LaunchError(ValueError):
+    """Jobs did not come to their end; the message is one line."""
 
 
 def check_launcher(conf: Path, overrides: Sequence[str]) -> None:
-    """Refuse a launcher that hydra does not know, or a key that the launcher lacks, before anything is written.
+    """Refuse a launcher that cannot start here, or a key that it lacks, before anything is written.
 
     Raises:
         OverrideError: one of the overrides cannot be used.
@@ -31,9 +37,11 @@ def check_launcher(conf: Path, overrides: Sequence[str]) -> None:
     GlobalHydra.instance().clear()
     try:
         with hydra.initialize_config_dir(str(conf.absolute()), version_base="1.3"):
-            hydra.compose("bench_job", overrides=list(overrides), return_hydra_config=True)
+            config = hydra.compose("bench_job", overrides=list(overrides), return_hydra_config=True)
     except (HydraException, OmegaConfBaseException) as error:
         raise OverrideError(one_line(error)) from None
+    if str(config.hydra.launcher.get("_target_")).endswith("SlurmLauncher") and not shutil.which("srun"):
+        raise OverrideError("hydra/launcher: no srun on this machine: launch from a node of the Slurm cluster")
 
 
 def launch_jobs(cells: Sequence[Cell], out: Path, options: RunOptions, conf: Path, overrides: Sequence[str]) -> None:
@@ -47,16 +55,23 @@ def launch_jobs(cells: Sequence[Cell], out: Path, options: RunOptions, conf: Pat
         overrides: ``hydra/launcher=NAME`` and ``hydra.launcher.KEY=VALUE``.
 
     Raises:
-        Exception: what hydra or the launcher raises.
+        LaunchError: the launcher could not start a job, or a job died.
     """
     jobs = _group(cells)
-    plan = (out / "store" / _PLAN).absolute()
-    write_bytes(plan, pickle.dumps((jobs, Store(out.absolute() / "store"), options)))
+    content = pickle.dumps((jobs, Store(out.absolute() / "store"), options))
+    plan = (out / "store" / "plans" / f"{hashlib.sha256(content).hexdigest()[:20]}.pickle").absolute()
+    write_bytes(plan, content)  # jobs that wait for a node find theirs, whatever is launched meanwhile
     numbers = ",".join(str(k) for k in range(len(jobs)))
-    words = [f"job={numbers}", f"plan='{plan}'", f"hydra.sweep.dir='{plan.parent / 'jobs'}'", *overrides]
+    words = [f"job={numbers}", f"plan='{plan}'", f"hydra.sweep.dir='{out.absolute() / 'store' / 'jobs'}'", *overrides]
     before, sys.argv = sys.argv, [sys.argv[0], "-m", *words]
+    os.environ.setdefault("HYDRA_FULL_ERROR", "1")  # else hydra prints what happened and ends the program
     try:
         hydra.main(version_base="1.3", config_path=str(conf.absolute()), config_name="bench_job")(run_job)()
+    except Exception as error:  # noqa: BLE001  # whatever a launcher raises
+        said = shorten(f"{type(error).__name__}: {error}")
+        raise LaunchError(
+            f"a job ended early; what is finished is kept, the same command goes on from there ({said})"
+        ) from None
     finally:
         sys.argv = before
 

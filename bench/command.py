@@ -16,7 +16,7 @@ from tqdm import tqdm
 
 from bench.cell import Cell, Setting
 from bench.cluster import check_launcher, launch_jobs
-from bench.command_words import HELP, read_words, root_key
+from bench.command_words import FILES_ONLY, HELP, read_words, root_key
 from bench.out_folder import STORE, claim_folder
 from bench.plan import parse_value, plan_cells
 from bench.run import RunOptions, run_cells
@@ -135,7 +135,7 @@ def _command(arguments: Sequence[str]) -> str:
 def _help() -> str:
     names = sorted(path.stem for path in (conf_folder() / "experiment").glob("*.yaml"))
     experiments = "\n".join(f"  {name:20} {_title(name)}" for name in names)
-    keys = "\n".join(f"  {item.name}" for item in fields(BenchSettings))
+    keys = "\n".join(f"  {item.name}" for item in fields(BenchSettings) if item.name not in FILES_ONLY)
     return f"{_USAGE}\n\nExperiments:\n{experiments}\n\nKeys (all others are those of `python -m sim`):\n{keys}"
 
 

@@ -13,7 +13,7 @@ from sim.sweep import swept_words
 HELP = ("-h", "--help")
 _MULTIRUN = ("-m", "--multirun")
 _WHOLE_RUN = ("experiment", "title", "table", "out", "workers", "retry_failed", "quiet")
-_FILES_ONLY = {
+FILES_ONLY = {
     "sweep": "sweep a key with -m KEY=A,B",
     "datasets": "describe one dataset by the keys of python -m sim",
     "variants": "name methods with methods=[A,B]",
@@ -62,7 +62,7 @@ def _check_word(word: str) -> None:
         raise OverrideError(f"{word!a} is not text on one line")
     if not key or not equals:
         raise OverrideError(f"'{word}' is not of the form key=value")
-    if advice := _FILES_ONLY.get("sweep" if root_key(word) == "sweep" else key):
+    if advice := FILES_ONLY.get("sweep" if root_key(word) == "sweep" else key):
         raise OverrideError(f"{key} is for files of experiments; on the command line {advice}")
     if key == "methods" and re.fullmatch(r"[\w, ]*", value):
         raise OverrideError(f"methods must be a list in brackets, methods=[A,B], got '{value}'")

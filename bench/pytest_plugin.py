@@ -50,10 +50,13 @@ def merge_gate(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[..., 
             overrides=tuple(settings.pop("overrides", ())),
             **settings,
         )
+        fault, comparison = None, None
         try:
             comparison = gate_run.run_merge_gate(config, tmp_path, update=update)
         except ValueError as error:
-            pytest.fail(f"merge_gate: {error}", pytrace=False)
+            fault = f"merge_gate: {error}"
+        if comparison is None:
+            pytest.fail(str(fault), pytrace=False)
         if comparison.findings:
             pytest.fail("\n".join(finding.message for finding in comparison.findings), pytrace=False)
         return comparison

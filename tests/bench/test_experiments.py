@@ -3,6 +3,7 @@
 import io
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -145,6 +146,9 @@ def test_a_sweep_killed_at_random_moments_ends_as_one_that_ran_through(finished:
         (["table=nonesuch"], "table must be one of"),
         (["-m", "workers=1,2"], "workers is a setting of the whole run"),
         (["hydra/launcher=nonesuch"], "hydra/launcher/nonesuch"),
+        pytest.param(
+            ["hydra/launcher=slurm"], "no srun", marks=pytest.mark.skipif(bool(shutil.which("srun")), reason="")
+        ),
     ],
 )
 def test_bad_input_is_one_line_and_nothing_is_written(
@@ -209,3 +213,21 @@ def test_the_jobs_of_a_launcher_fill_the_store_and_are_gathered(finished: Path, 
     assert run("-m", *tiny, *words) == 0
     assert scores_without_times(out) == scores_without_times(finished)
     assert list((out / "store" / "jobs" / ".submitit").iterdir())
+
+
+def test_a_job_that_dies_is_one_line_and_what_is_finished_is_kept(
+    finished: Path, tiny: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("hydra_plugins.hydra_submitit_launcher", reason="hydra-submitit-launcher is not installed")
+    out = finished.parent / "died"
+    program = tmp_path / "kill.py"
+    program.write_text(
+        "import psutil\nfor p in psutil.process_iter(['cmdline']):\n    words = ' '.join(p.info['cmdline'] or [])\n"
+        f"    if 'submitit.core._submit' in words and {str(out)!r} in words: p.kill()\n"
+    )
+    words = ["method=external", f"method.command={sys.executable} {program} {{maps}} {{out}}", "quiet=true"]
+    assert run("-m", *tiny, *words, f"out={out}", "hydra/launcher=local_processes") == 2
+    error = capsys.readouterr().err
+    assert error.startswith("bench: a job ended early")
+    assert error.count("\n") == 1
+    assert len(list((out / "store" / "datasets").glob("[!.]*/dataset.json"))) == 1
