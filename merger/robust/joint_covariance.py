@@ -4,6 +4,12 @@ Walls pull back much less than their number tells: whoever moves a map a little 
 instead, and that as many leave the kernel as enter it. So the pull is probed, by small shifts of each pair. How much
 pulls are wrong is learnt from cycles of pairs, which contradict each other. Source: the covariance of M-estimators
 [Huber 1967], with the scale of the pulls from generalised least squares.
+
+Note:
+    ``prior_cells`` and ``unseen`` are one choice for all data. By kind of set (15 kinds: simulated with noise of 0 to
+    0.08 m and mapped with true or matched poses, and three real logs) the mean squared error over its covariance is
+    0.35 to 3.0 times what it should be. Above 2 are noisy maps that are bent alike in all their pairs, which no cycle
+    shows. Of buildings that took no part: 0.9 at cells of 0.1 m, 1.5 at 0.025 m.
 """
 
 from collections.abc import Callable
