@@ -23,7 +23,7 @@ from sim.config import SourceKind
 from sim.datasets.dataset import read_dataset
 
 MAX_ROWS = 12
-"""A longer table of a sweep is folded, and one row a method stands in its place."""
+"""A longer table of a sweep is folded, and one row a method stands in its place; a longer summary is folded, too."""
 MAX_EXHIBITS = 12
 """Results that are drawn, so that a sweep of thousands still gives a report that one can open."""
 
@@ -82,10 +82,12 @@ def _first_chapters(
 ) -> list[Section]:
     """The main table, and a summary beside a table that has columns of its own."""
     chapters = [Section("Results", table=table, best=best_cells(table), points=tuple(sentences))]
-    if settings.table != "summary":
+    same = settings.table == "ablation" and results.scores["dataset"].nunique() == 1
+    if settings.table != "summary" and not same:
         summary = summary_table(first_orders(results), ["dataset", "method"])
         text = f"Medians over runs{' of the first order' if settings.orders else ''}; counts are sums."
-        chapters.append(Section("Summary", text, table=summary, best=best_cells(summary)))
+        folded = len(summary) > MAX_ROWS
+        chapters.append(Section("Summary", text, table=summary, best=best_cells(summary), folded=folded))
     return chapters
 
 

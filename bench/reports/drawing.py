@@ -108,6 +108,7 @@ def style() -> Iterator[None]:
     """The look of all figures: no background, the page's ink, sans-serif text that stays text."""
     settings: Any = {
         "svg.fonttype": "none",
+        "text.parse_math": False,
         "font.family": "sans-serif",
         "font.sans-serif": ["DejaVu Sans"],
         "font.size": 10.0,
