@@ -21,7 +21,7 @@ from bench.mergers.fork_server import READY
 class Preload(Enum):
     """What a server has imported when it forks."""
 
-    METHODS = ("bench.mergers.methods", "scipy.spatial", "scipy.ndimage", "bench.scoring.warm_kernels")
+    METHODS = ("bench.mergers.methods", "scipy.spatial", "bench.scoring.warm_kernels")
     """What our own methods need."""
     DATASETS = ("bench.stages", "bench.scoring.warm_kernels")
     """What making a dataset needs: much more, which no method shall carry."""
