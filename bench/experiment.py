@@ -40,7 +40,9 @@ def write_experiment(experiment: Experiment, out: Path) -> str:
     write_results(out, results)
     write_text(out / "config.yaml", yaml.safe_dump(_config_document(experiment), sort_keys=False))
     main_table, points, chapters = make_chapters(settings, results, experiment.cells, out / "figures")
-    provenance = code_version.provenance() | {"seeds": f"{settings.seed} to {settings.seed + settings.seeds - 1}"}
+    last = settings.seed + settings.seeds - 1
+    seeds = f"{settings.seed} to {last}" if settings.seeds > 1 else str(last)
+    provenance = code_version.provenance() | {"seeds": seeds}
     write_report(out / "report.html", Report(settings.title, experiment.command, tuple(chapters), provenance))
     body = [format_table(main_table), *([""] if points else []), *points, *_complaints(results)]
     return "\n".join([settings.title, "", *body, "", f"{out}/report.html"])

@@ -44,7 +44,7 @@ def main_table(
         return _fidelity_table(results, cells)
     if settings.table == "ablation":
         return summary_table(results, ["method"]), []
-    varied = [key for key in results.swept if results.scores[key].nunique(dropna=False) > 1]
+    varied = _varied_keys(results)
     labels = ["dataset"] if results.scores["dataset"].nunique() > 1 or not varied else []
     return summary_table(results, [*labels, *varied, "method"]), []
 
@@ -66,15 +66,18 @@ def make_chapters(
     if settings.orders:
         chapters.append(Section("Order", _ORDER_TEXT, table=_order_table(cells)))
     exhibits = [e for e in map(load_exhibit, first_of_each(cells)[:MAX_EXHIBITS]) if e]
-    chapters += [
-        error_chapter(first_orders(results), folder),
-        failed_runs(results, cells),
-        gallery_chapter(cells, folder),
-    ]
-    chapters += picture_chapters(exhibits, folder)
+    rivals, *singles = picture_chapters(exhibits, folder)
+    pictures = [error_chapter(first_orders(results), folder), gallery_chapter(cells, folder)]
+    pictures.insert(len(pictures) if _varied_keys(results) else 0, rivals)
+    chapters += [failed_runs(results, cells), *pictures, *singles]
     explanation = {"robust": robust_tables.EXPLANATION, "fidelity": EXPLANATION}.get(settings.table, "")
     chapters[0] = replace(chapters[0], text=tell_overview(results, time.perf_counter() - start) + explanation)
     return table, sentences, [c for c in chapters if c.table is not None or c.pictures]
+
+
+def _varied_keys(results: Results) -> list[str]:
+    """Swept keys that have more than one value."""
+    return [key for key in results.swept if results.scores[key].nunique(dropna=False) > 1]
 
 
 def _first_chapters(
@@ -109,7 +112,7 @@ _BREAKING_TEXT = (
 def _sweep_chapters(settings: BenchSettings, results: Results, folder: Path) -> list[Section]:
     chapters = []
     datasets = ["datasets"] if results.scores["dataset"].nunique() > 1 else []
-    varied = [key for key in results.swept if results.scores[key].nunique(dropna=False) > 1]
+    varied = _varied_keys(results)
     for key in varied:
         others = ", ".join([*datasets, *(f"values of {other}" for other in varied if other != key)])
         text = _BREAKING_TEXT + (f" A point takes the runs of all {others} together." if others else "")

@@ -21,12 +21,12 @@ def test_the_whole_legend_lies_inside_the_file_below_the_drawings(num_words):
 
 
 def test_swept_words_are_drawn_as_they_are(tmp_path: Path) -> None:
-    words = ["$\\frac{", "<b> & 'c'"]
+    words = ["$\\frac{$", "<b> & 'c'"]
     curve = pd.DataFrame({"method": "a & b", "runs": 1, "key": words})
     for name in ("success", "right", "wrong"):
         curve = curve.assign(**{name: 0.5, f"{name}_low": 0.1, f"{name}_high": 0.9})
     picture = draw_success(curve, "key", tmp_path)
     assert len(picture.panels) == 3
     text = (tmp_path / "success-key.svg").read_text(encoding="utf-8")
-    assert text.count("$\\frac{</text>") == text.count("&lt;b&gt; &amp; 'c'</text>") == 3
+    assert text.count("$\\frac{$</text>") == text.count("&lt;b&gt; &amp; 'c'</text>") == 3
     assert "a &amp; b</text>" in text
