@@ -110,20 +110,24 @@ _BREAKING_TEXT = (
 
 
 def _sweep_chapters(settings: BenchSettings, results: Results, folder: Path) -> list[Section]:
+    """Success and costs against each swept key; of numbers the breaking points, too."""
     chapters = []
     datasets = ["datasets"] if results.scores["dataset"].nunique() > 1 else []
     varied = _varied_keys(results)
     for key in varied:
         others = ", ".join([*datasets, *(f"values of {other}" for other in varied if other != key)])
-        text = _BREAKING_TEXT + (f" A point takes the runs of all {others} together." if others else "")
+        together = f" A point takes the runs of all {others} together." if others else ""
         curve = curves.success_curve(results, key)
         if curve.empty:
             continue
-        table = None
+        title, text, table = f"Success by {key}", "Words are in no order, and have no breaking point.", None
         if curves.is_number(curve[key]):
-            table = curves.breaking_points(curve, key, settings.hard_is_high.get(key, True))
+            hard_is_high = settings.hard_is_high.get(key, True)
+            easy = f" {'Small' if hard_is_high else 'Large'} values are taken to be the easy ones (hard_is_high)."
+            title, text = f"Breaking points: {key}", _BREAKING_TEXT + easy
+            table = curves.breaking_points(curve, key, hard_is_high)
         pictures = (curves.draw_success(curve, key, folder), curves.draw_costs(results, key, folder))
-        chapters.append(Section(f"Breaking points: {key}", text, tuple(p for p in pictures if p), table))
+        chapters.append(Section(title, text + together, tuple(p for p in pictures if p), table))
     return chapters
 
 

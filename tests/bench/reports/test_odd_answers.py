@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 
 import numpy as np
@@ -27,7 +27,7 @@ def report_on(dataset: Dataset, tiny_config: SimConfig, tmp_path_factory) -> Cal
     """Scores a ``result.json`` and gives the report's page."""
     yardstick = make_yardstick(dataset)
 
-    def report(document: dict) -> str:
+    def report(document: dict, key: str = "noise", values: Sequence[object] = (0.1,)) -> str:
         out = tmp_path_factory.mktemp("odd")
         answer = out / "store" / "predictions" / "key" / "result.json"
         answer.parent.mkdir(parents=True)
@@ -36,9 +36,9 @@ def report_on(dataset: Dataset, tiny_config: SimConfig, tmp_path_factory) -> Cal
             found = score_result(yardstick, read_prediction(answer, dataset.truth.names), Outcome("ok"))
         score, maps, pairs = asdict(found[0]), [asdict(m) for m in found[1]], [asdict(p) for p in found[2]]
         method = MethodSpec(LABEL, MethodKind.EXTERNAL, "prog {maps} {out}")
-        cell = Cell(DatasetSpec("tiny", tiny_config), method, seed=0)
-        done = ScoredCell(cell, score, maps, pairs, dataset.path, answer)
-        write_experiment(Experiment("one", BenchSettings(), (done,), "command"), out)
+        cells = [Cell(DatasetSpec("tiny", tiny_config, ((key, value),)), method, seed=0) for value in values]
+        done = tuple(ScoredCell(cell, score, maps, pairs, dataset.path, answer) for cell in cells)
+        write_experiment(Experiment("one", BenchSettings(), done, "command"), out)
         files = sorted(path.stem for path in (out / "figures").iterdir())
         assert files[::2] == files[1::2]  # each with its data
         return (out / "report.html").read_text(encoding="utf-8")
@@ -91,3 +91,24 @@ def test_motions_that_turn_more_than_once_are_as_good_as_others(report_on, datas
     for entry in document["maps"].values():
         entry["T_ref_map"]["theta"] += 20.0 * np.pi
     assert "4 of 4 placed, 0 wrong" in report_on(document)
+
+
+@pytest.mark.parametrize(
+    ("key", "values", "title", "text"),
+    [
+        ("noise", (0.1, 0.2), "Breaking points: noise", "Small values are taken to be the easy ones"),
+        (
+            "submaps.overlap",
+            (0.1, 0.2),
+            "Breaking points: submaps.overlap",
+            "Large values are taken to be the easy ones",
+        ),
+        ("lidar", ("fast", None), "Success by lidar", "Words are in no order"),
+    ],
+)
+def test_only_numbers_have_breaking_points(report_on, identity, *, key, values, title, text) -> None:
+    for entry in identity["maps"].values():
+        entry["placed"] = False
+    page = report_on(identity, key, values)
+    assert f"<h2>{title}</h2>" in page
+    assert text in page
