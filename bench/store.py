@@ -4,6 +4,7 @@ Everything is written to a temporary name and renamed, so that a run that is kil
 finished. Two runs may share a folder.
 """
 
+import itertools
 import json
 import os
 import shutil
@@ -68,8 +69,9 @@ class Store:
             shutil.rmtree(partial, ignore_errors=True)
 
     def sweep_out(self) -> None:
-        """Remove what killed processes of this machine left half-written."""
-        for path in self.root.glob(f"*/*{_TEMPORARY}"):
+        """Remove what killed processes of this machine left half-written, here and in the report beside it."""
+        beside = (self.root.parent.glob(f"{place}*{_TEMPORARY}") for place in ("", "figures/"))
+        for path in itertools.chain(self.root.glob(f"*/*{_TEMPORARY}"), *beside):
             host, _, pid = path.name.removesuffix(_TEMPORARY).rpartition(".")
             if host.endswith(f"@{socket.gethostname()}") and pid.isdigit() and not psutil.pid_exists(int(pid)):
                 shutil.rmtree(path, ignore_errors=True)

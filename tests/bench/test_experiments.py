@@ -1,10 +1,12 @@
 """Experiments from the command line to the folder of results, on a tiny building."""
 
+import contextlib
 import io
 import os
 import random
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -12,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import psutil
 import pytest
 
 from bench.__main__ import main
@@ -95,6 +98,25 @@ def test_a_sweep_gathers_all_cells_and_names_the_swept_key(finished: Path, tiny:
     assert "Breaking points" in (finished.parent / "sweep" / "report.html").read_text()
 
 
+def test_a_run_that_is_interrupted_waits_for_no_method_and_ends_it(
+    finished: Path, tiny: list[str], tmp_path: Path
+) -> None:
+    pid = tmp_path / "pid"
+    program = tmp_path / "hang.sh"
+    program.write_text(f"echo $$ > {pid}.new; mv {pid}.new {pid}; exec sleep 300\n")
+    words = ["method=external", f"method.command=sh {program} {{maps}} {{out}}", f"out={finished.parent / 'stopped'}"]
+    command = [sys.executable, "-m", "bench", *tiny, *words, "quiet=true"]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    while not pid.is_file():
+        assert process.poll() is None
+        time.sleep(0.1)
+    process.send_signal(signal.SIGINT)
+    assert "what is finished is kept" in process.communicate(timeout=60)[1]
+    assert process.returncode == 130
+    with contextlib.suppress(psutil.NoSuchProcess):
+        psutil.Process(int(pid.read_text())).wait(timeout=20.0)
+
+
 def test_every_swept_key_is_a_column_whatever_it_concerns(log_folder: Path, tmp_path: Path) -> None:
     log = log_folder / "tiny.log"
     (tmp_path / "other.log").write_bytes(log.read_bytes())
@@ -115,6 +137,7 @@ def test_a_sweep_killed_at_random_moments_ends_as_one_that_ran_through(finished:
         time.sleep(rng.uniform(1.5, 4.5))
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
+    (out / f"report.html@{socket.gethostname()}.{process.pid}.tmp").touch()
     assert run(*arguments) == 0
     assert scores_without_times(out) == scores_without_times(finished)
     assert not list(out.rglob("*.tmp"))
