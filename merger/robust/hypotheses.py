@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from merger import se2
 from merger.robust.dense_search import DenseSearchConfig
-from merger.robust.pair_probability import ProbabilityConfig, log_odds_of, score_motion
+from merger.robust.pair_probability import ProbabilityConfig, exclude_one_another, log_odds_of, score_motion
 from merger.robust.verification import Evidence, VerificationConfig, measure_evidence
 from merger.robust.wall_alignment import AlignmentConfig, align_all
 from merger.robust.wall_kernels import score_walls
@@ -128,11 +128,9 @@ def judge_motions(
     """Compare different motions of one pair, each against the best of the others; best first."""
     evidence = [measure_evidence(target, source, T, config.verification) for T in motions]
     scores = [score_motion(item, config.probability) for item in evidence]
-    judged = []
-    for index, T in enumerate(motions):
-        rival = max((score for other, score in enumerate(scores) if other != index), default=0.0)
-        log_odds = log_odds_of(evidence[index], rival, config.probability)
-        judged.append(Hypothesis(T, evidence[index], scores[index], log_odds, rival))
+    rivals = [max(scores[:k] + scores[k + 1 :], default=0.0) for k in range(len(scores))]
+    alone = [log_odds_of(item, rival, config.probability) for item, rival in zip(evidence, rivals, strict=True)]
+    judged = map(Hypothesis, motions, evidence, scores, exclude_one_another(alone), rivals)
     return tuple(sorted(judged, key=lambda item: -item.score_m))
 
 

@@ -12,7 +12,7 @@ from merger import se2
 from merger.merge_config import MergeConfig
 from merger.result import MapPlacement, Objective, PairResult, PairStatus
 from merger.robust.consensus import Agreement
-from merger.robust.hypotheses import Hypothesis, judge_motions
+from merger.robust.hypotheses import Hypothesis, distinct_motions, judge_motions
 from merger.robust.map_group import PairHypotheses
 from merger.robust.pair_probability import probability
 from merger.robust.stages import DescribedMap, PlacedGroup, confirmed_motion
@@ -62,7 +62,8 @@ def _confirm(pair: tuple[int, int], T_i_j: Array, findings: Findings, config: Me
         if glance.near_m < least_m:
             return None
         T = align_walls(target, source, T_i_j, pairs.fine)
-        judged = judge_motions(target, source, [T, *(motion.T_target_source for motion in motions)], pairs)
+        proposed = [T, *(motion.T_target_source for motion in motions)]
+        judged = judge_motions(target, source, distinct_motions(proposed, source, len(proposed), pairs), pairs)
         found = confirmed_motion(judged, T_i_j, source, near)
     return found if found is not None and 0.0 < found.evidence.near_m >= least_m else None
 

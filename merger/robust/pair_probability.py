@@ -6,6 +6,7 @@ buildings that the fit has not seen.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -97,6 +98,16 @@ def log_odds_of(evidence: Evidence, rival_score_m: float, config: ProbabilityCon
     """Log-odds that a motion is right (see `features_of`)."""
     features = features_of(evidence, score_motion(evidence, config), rival_score_m)
     return float(features @ np.array(config.coefficients))
+
+
+def exclude_one_another(log_odds: Sequence[float]) -> list[float]:
+    """Log-odds of motions of which at most one is right, from those of each as if it were alone.
+
+    The odds of each are divided by 1 plus the odds of all others, so that the probabilities add up to less than 1: in
+    a bare square room four motions fit alike, and none is sure.
+    """
+    odds = [math.exp(min(value, 50.0)) for value in log_odds]
+    return [value - math.log1p(sum(odds[:k] + odds[k + 1 :])) for k, value in enumerate(log_odds)]
 
 
 def log_odds_of_step(motion_log_odds: float, is_confirmed: bool, config: StepProbabilityConfig) -> float:
