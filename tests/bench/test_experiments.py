@@ -137,6 +137,7 @@ def test_a_sweep_killed_at_random_moments_ends_as_one_that_ran_through(finished:
         time.sleep(rng.uniform(1.5, 4.5))
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
+    (out / "store").mkdir(parents=True, exist_ok=True)
     (out / f"report.html@{socket.gethostname()}.{process.pid}.tmp").touch()
     assert run(*arguments) == 0
     assert scores_without_times(out) == scores_without_times(finished)
