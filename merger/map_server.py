@@ -140,7 +140,7 @@ def _number(path: Path, document: dict[str, Any], key: str, default: float | Non
     if value is None:
         raise MapFileError(f"{path}: field '{key}' is missing")
     try:
-        number = float(value)
+        number = math.nan if isinstance(value, bool) and key != "negate" else float(value)
     except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not math.isfinite(number):

@@ -132,6 +132,7 @@ def test_other_images_colours_and_transparency_are_read(tmp_path, suffix):
         ({"resolution": 0.0}, "resolution must be in [0.001, 100] m, got 0"),
         ({"resolution": -0.05}, "resolution must be in [0.001, 100] m, got -0.05"),
         ({"resolution": "fine"}, "field 'resolution' must be a finite number, got 'fine'"),
+        ({"resolution": "yes"}, "field 'resolution' must be a finite number, got True"),
         ({"resolution": ".inf"}, "field 'resolution' must be a finite number"),
         ({"origin": [1.0, 2.0]}, "field 'origin' is missing or not a list of three"),
         ({"resolution": 1e300}, "resolution must be in [0.001, 100] m, got 1e+300"),
