@@ -72,7 +72,7 @@ TOLERANCES = (
 """The gate's table. Counts and success may not get worse at all. The bounds of the errors were set between two things
 that were measured on real logs: another seed of the same merger changes them by 2 to 15 %, a merger without motion
 averaging by 30 to 110 % (``relation_error_m``, the most sensitive). Processor
-time, over that of a reference workload of about 2 ms in the same process, is red only if it doubles and grows by half a
+time, over that of a reference workload of about 2 ms in the same run, is red only if it doubles and grows by half a
 second: on two cores with seven other jobs, which made wall times vary by 1.8, these ratios varied by 1.1 to 1.5."""
 
 ANOTHER_MACHINE = {
