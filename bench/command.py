@@ -1,5 +1,6 @@
 """``python -m bench``: from the words of the command line to a finished experiment."""
 
+import functools
 import importlib
 import re
 import shlex
@@ -81,14 +82,20 @@ def run_command(arguments: list[str]) -> CommandAnswer:
 
 
 def _plan(overrides: Sequence[str], swept: Sequence[str]) -> tuple[BenchSettings, str, list[Cell]]:
-    own = [o for o in overrides if root_key(o) in _OWN_KEYS]
+    own = tuple(o for o in overrides if root_key(o) in _OWN_KEYS)
     foreign = [o for o in overrides if root_key(o) not in _OWN_KEYS]
-    node: Any = OmegaConf.to_container(compose_config(conf_folder(), "bench", own), resolve=True)
-    settings = read_settings(node)
+    settings = _compose_settings(own)
     chosen = [o.partition("=")[2] for o in own if o.startswith("experiment=")]
     columns = {key: _last_value(overrides, key) for key in swept if key not in _NAMED}
     cells = [_add_columns(cell, columns) for cell in plan_cells(settings, foreign, compose_sim)]
     return settings, (chosen or ["one"])[-1], cells
+
+
+@functools.lru_cache(maxsize=1)
+def _compose_settings(own: tuple[str, ...]) -> BenchSettings:
+    """The settings of the bench itself, which the jobs of a sweep mostly share; hydra takes long to compose them."""
+    node: Any = OmegaConf.to_container(compose_config(conf_folder(), "bench", own), resolve=True)
+    return read_settings(node)
 
 
 def _last_value(overrides: Sequence[str], key: str) -> Setting:

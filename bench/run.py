@@ -20,8 +20,8 @@ CellProgress = Callable[[ScoredCell, int, int], None]
 class RunOptions:
     """How cells are run; no score depends on it."""
 
-    workers: int = 1
-    """Cells at a time."""
+    workers: int | None = None
+    """Cells at a time; none: as many as the machine that runs them gives us cores."""
     retry_failed: bool = False
     """Whether failures of earlier runs are tried again."""
 
@@ -42,8 +42,10 @@ def run_cells(
     """
     store.sweep_out()
     runner = _Runner(store, options, progress, len(cells))
-    with ThreadPoolExecutor(max_workers=options.workers) as pool, ThreadPoolExecutor(max_workers=1) as scorer:
-        spare = scorer if options.workers < len(os.sched_getaffinity(0)) else None
+    cores = len(os.sched_getaffinity(0))
+    workers = options.workers or cores
+    with ThreadPoolExecutor(max_workers=workers) as pool, ThreadPoolExecutor(max_workers=1) as scorer:
+        spare = scorer if workers < cores else None
         futures = [pool.submit(runner.finish, cell, spare) for cell in cells]
         try:
             return [future.result().result() for future in futures]

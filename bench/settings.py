@@ -83,8 +83,8 @@ class BenchSettings:
     """Folder of results; none: ``out/EXPERIMENT``."""
     logs: str | None = None
     """Folder of real CARMEN logs: ``NAME.log``, ``NAME.log.gz`` or ``NAME-corrected.log.gz``."""
-    workers: int = 1
-    """Cells run at a time, at least 1."""
+    workers: int | None = None
+    """Cells run at a time, at least 1; none: one for each of the machine's cores."""
     method_workers: int = 1
     """Threads of one of our own methods, at least 1."""
     time_limit_s: float = 600.0
@@ -102,7 +102,7 @@ class BenchSettings:
             raise ValueError(f"table must be one of {', '.join(TABLES)}, got '{self.table}'")
         lowest = {"orders": 0, "seed": 0, "seeds": 1, "workers": 1, "method_workers": 1}
         for name, low in lowest.items():
-            if getattr(self, name) < low:
+            if (value := getattr(self, name)) is not None and value < low:
                 raise ValueError(f"{name} must be >= {low}, got {getattr(self, name)}")
         for name in ("orders", "seeds"):
             if getattr(self, name) > MOST:
