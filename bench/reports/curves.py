@@ -26,6 +26,8 @@ _SHARES = {
 _COSTS = {"runtime_s": "time, s", "peak_memory_mb": "peak memory, MiB"}
 _MOST_LETTERS = 40
 """Ticks with more letters together are turned."""
+_LONGEST_TICK = 24
+"""A word with more letters, a command for example, keeps its first and last ones."""
 _NEAREST_TICKS = 0.04
 """Distance of two ticks that can both be read, over that of the first and the last."""
 
@@ -144,11 +146,16 @@ def _set_ticks(axis: Axes, values: "pd.Series[Any]") -> None:
     shown, last = [], -math.inf
     for place, tick in zip(places, ticks, strict=True):
         clear = place - last >= _NEAREST_TICKS * float(np.ptp(places))
-        shown.append(tick if clear else "")
+        shown.append(_shorten(tick) if clear else "")
         last = place if clear else last
     axis.set_xticks(places, shown, rotation=45 if sum(map(len, shown)) > _MOST_LETTERS else 0)
     margin = 0.05 * float(np.ptp(places) or 1.0)
     axis.set_xlim(places[0] - margin, places[-1] + margin)
+
+
+def _shorten(word: str) -> str:
+    half = _LONGEST_TICK // 2
+    return word if len(word) <= _LONGEST_TICK else f"{word[:half]}…{word[-half:]}"
 
 
 def _span(counts: "pd.Series[int]") -> str:
