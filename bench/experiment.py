@@ -40,12 +40,18 @@ def write_experiment(experiment: Experiment, out: Path) -> str:
     write_results(out, results)
     write_text(out / "config.yaml", yaml.safe_dump(_config_document(experiment), sort_keys=False))
     main_table, points, chapters = make_chapters(settings, results, experiment.cells, out / "figures")
-    last = settings.seed + settings.seeds - 1
-    seeds = f"{settings.seed} to {last}" if settings.seeds > 1 else str(last)
-    provenance = code_version.provenance() | {"seeds": seeds}
+    provenance = code_version.provenance() | {"seeds": _tell_seeds({scored.cell.seed for scored in experiment.cells})}
     write_report(out / "report.html", Report(settings.title, experiment.command, tuple(chapters), provenance))
     body = [format_table(main_table), *([""] if points else []), *points, *_complaints(results)]
     return "\n".join([settings.title, "", *body, "", f"{out}/report.html"])
+
+
+def _tell_seeds(seeds: set[int]) -> str:
+    """The seeds of all jobs of a sweep, which need not be those of the first."""
+    told = sorted(seeds)
+    if len(told) > 1 and told[-1] - told[0] == len(told) - 1:
+        return f"{told[0]} to {told[-1]}"
+    return ", ".join(map(str, told))
 
 
 def _complaints(results: Results) -> list[str]:

@@ -4,6 +4,7 @@ import contextlib
 import io
 import os
 import random
+import re
 import shutil
 import signal
 import socket
@@ -96,6 +97,13 @@ def test_a_sweep_gathers_all_cells_and_names_the_swept_key(finished: Path, tiny:
     table = pd.read_csv(finished.parent / "sweep" / "scores.csv")
     assert table["submaps.overlap"].tolist() == [0.3, 0.4]
     assert "Breaking points" in (finished.parent / "sweep" / "report.html").read_text()
+
+
+def test_a_report_names_the_seeds_of_all_jobs(finished: Path, tiny: list[str], tmp_path: Path) -> None:
+    out = shutil.copytree(finished, tmp_path / "out")
+    assert run("-m", *tiny, "seed=0,1", "methods=[paper]", f"out={out}", "quiet=true") == 0
+    page = re.sub(r"<[^>]+>", " ", (out / "report.html").read_text())
+    assert re.search(r"seeds\s+0 to 1\s", page)
 
 
 def test_a_run_that_is_interrupted_waits_for_no_method_and_ends_it(
