@@ -11,13 +11,13 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-import yaml
 from omegaconf import OmegaConf
 from tqdm import tqdm
 
 from bench.cell import Cell, Setting
 from bench.cluster import check_launcher, launch_jobs
-from bench.command_words import FILES_ONLY, HELP, read_words, root_key
+from bench.command_help import help_text
+from bench.command_words import HELP, read_words, root_key
 from bench.out_folder import STORE, claim_folder
 from bench.plan import parse_value, plan_cells
 from bench.run import RunOptions, run_cells
@@ -30,7 +30,6 @@ from sim.resources import conf_folder
 from sim.sim_schema import register_schema
 from sim.source import check_source
 
-_USAGE = "python -m bench [-m] [experiment=NAME] [key=value ...]: run an experiment, print its table, write its report."
 _NAMED = ("world", "seed", "seeds", "method", "methods", "method.name")
 """Keys that have columns of their own in every row."""
 _PLAIN = re.compile(r"[\w@%+=:,./\[\]-]+")
@@ -54,7 +53,7 @@ def run_command(arguments: list[str]) -> CommandAnswer:
         ValueError: a key, a value or a folder cannot be used.
     """
     if any(argument in HELP for argument in arguments):
-        return CommandAnswer(_help())
+        return CommandAnswer(help_text())
     register("bench_schema", BenchSettings)
     register_schema()
     words = read_words(arguments)
@@ -137,15 +136,3 @@ def _fault(cells: Sequence[ScoredCell]) -> str | None:
 def _command(arguments: Sequence[str]) -> str:
     """The command line as a shell takes it."""
     return " ".join(["python -m bench", *(a if _PLAIN.fullmatch(a) else shlex.quote(a) for a in arguments)])
-
-
-def _help() -> str:
-    names = sorted(path.stem for path in (conf_folder() / "experiment").glob("*.yaml"))
-    experiments = "\n".join(f"  {name:20} {_title(name)}" for name in names)
-    keys = "\n".join(f"  {item.name}" for item in fields(BenchSettings) if item.name not in FILES_ONLY)
-    return f"{_USAGE}\n\nExperiments:\n{experiments}\n\nKeys (all others are those of `python -m sim`):\n{keys}"
-
-
-def _title(name: str) -> str:
-    document = yaml.safe_load((conf_folder() / "experiment" / f"{name}.yaml").read_text(encoding="utf-8"))
-    return str(document.get("title", ""))

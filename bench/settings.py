@@ -54,7 +54,7 @@ class BenchSettings:
     title: str = "One dataset"
     """Heading of the report."""
     table: str = "summary"
-    """Which of `TABLES` is printed first."""
+    """What is printed first: one of summary, table1, table2, ablation, fidelity, robust."""
     datasets: dict[str, Any] = field(default_factory=dict)
     """`DatasetSettings` by name; none: one, made by the other keys of the command line."""
     all_logs: bool = False
@@ -66,7 +66,7 @@ class BenchSettings:
     hard_is_high: dict[str, bool] = field(
         default_factory=lambda: {"submaps.overlap": False, "submaps.measured_overlap": False}
     )
-    """For a swept key: whether larger values are harder (the default), which the breaking point needs."""
+    """By swept key: whether its larger values are the harder ones, as breaking points need; true unless said."""
     methods: list[str] = field(default_factory=lambda: ["paper"])
     """Methods: ours, variants, installed Python methods, ``external``."""
     method: MethodSettings = field(default_factory=MethodSettings)
@@ -74,11 +74,11 @@ class BenchSettings:
     variants: dict[str, Any] = field(default_factory=dict)
     """`VariantSettings` by name."""
     orders: int = 0
-    """0: the maps by name; k: k random orders of each dataset, at most `MOST`."""
+    """0: the maps by name; k: k random orders of each dataset, at most a million."""
     seed: int = 0
     """First seed, at least 0."""
     seeds: int = 1
-    """Seeds a dataset, 1 to `MOST`; each makes its own data and seeds the method."""
+    """Seeds a dataset, 1 to a million; each makes its own data and seeds the method."""
     out: str | None = None
     """Folder of results; none: ``out/EXPERIMENT``."""
     logs: str | None = None

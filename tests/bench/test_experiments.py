@@ -229,7 +229,9 @@ def test_the_help_lists_experiments_and_keys(capsys: pytest.CaptureFixture[str])
     assert run("--help") == 0
     text = capsys.readouterr().out
     assert "table1" in text
-    assert "retry_failed" in text
+    assert "  workers=                   Cells run at a time" in text
+    assert "  method.command=            The command of an external method" in text
+    assert "  time_limit_s=600.0         Seconds after which" in text
 
 
 def test_paper_places_the_tiny_building_right_or_says_why(finished: Path) -> None:
