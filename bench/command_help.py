@@ -51,15 +51,11 @@ def _key_lines(config: BenchSettings | MethodSettings, prefix: str = "") -> list
 
 def _word(value: object) -> str:
     """A default as one would type it; nothing for none and for what is long."""
+    if value is None or isinstance(value, dict):
+        return ""
     if isinstance(value, list):
         return f"[{','.join(map(str, value))}]"
-    return (
-        str(value).lower()
-        if isinstance(value, bool)
-        else ""
-        if value is None or isinstance(value, dict)
-        else str(value)
-    )
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _field_texts(config_class: type) -> dict[str, str]:
