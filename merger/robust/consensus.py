@@ -152,10 +152,17 @@ def grow_groups(
             best[(one.members, other.members)] = found
             watch(one, other, found)
         groups[joined.members] = joined
+    return _take_back(groups, best, joins, relations, config)
+
+
+def _take_back(
+    groups: dict[Key, Group], best: Judged, joins: Sequence[Join], relations: Relations, config: ConsensusConfig
+) -> Agreement:
+    """The answer, without the joins that sure motions contradict (`merger.robust.strain`)."""
     sides = [(join.members, join.others) for join in joins]
     left, fallen = part_strained(list(groups.values()), sides, relations, config.strain)
     ordered = sorted(left, key=lambda group: (-len(group.members), group.members))
-    remaining = tuple(_open_motions(ordered, groups, best, hypotheses))
+    remaining = tuple(_open_motions(ordered, groups, best, relations.hypotheses))
     standing = tuple(join for number, join in enumerate(joins) if number not in fallen)
     return Agreement(tuple(ordered), standing, remaining, tuple(joins[number] for number in fallen))
 
