@@ -12,7 +12,7 @@ from bench.reports.exhibit import Exhibit, first_of_each, load_exhibit
 from bench.reports.failed_runs import failed_runs
 from bench.reports.fidelity_comparison import EXPLANATION, compare_fidelity
 from bench.reports.picture_chapters import error_chapter, gallery_chapter, picture_chapters
-from bench.reports.report import Section
+from bench.reports.report import MAX_ROWS, Section
 from bench.reports.summary import best_cells, summary_table, tell_overview
 from bench.reports.tables import Results, first_orders
 from bench.scoring import order_metrics
@@ -22,8 +22,6 @@ from bench.stages import ScoredCell
 from sim.config import SourceKind
 from sim.datasets.dataset import read_dataset
 
-MAX_ROWS = 12
-"""A longer table of a sweep is folded, and one row a method stands in its place; a longer summary is folded, too."""
 MAX_EXHIBITS = 12
 """Results that are drawn, so that a sweep of thousands still gives a report that one can open."""
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from bench.reports.report import Section
+from bench.reports.report import MAX_ROWS, Section
 from bench.reports.tables import Results, write_swept
 from bench.stages import ScoredCell
 
@@ -12,8 +12,6 @@ _TEXT = (
     "are tried again with retry_failed=true, and by themselves once the program that the command names has changed."
 )
 _NOTHING = "nothing was run"
-MAX_ROWS = 12
-"""A longer table is folded."""
 
 
 def failed_runs(results: Results, cells: Sequence[ScoredCell]) -> Section:

@@ -9,7 +9,7 @@ import numpy as np
 from bench.reports import error_curves, figures
 from bench.reports.drawing import Picture
 from bench.reports.exhibit import Exhibit, load_exhibit
-from bench.reports.report import Section
+from bench.reports.report import MAX_ROWS, Section
 from bench.reports.tables import Results
 from bench.scoring import pair_metrics
 from bench.stages import ScoredCell
@@ -18,8 +18,6 @@ MAX_FAILURES = 6
 """Failures in the gallery."""
 MOST_PANELS = 9
 """Panels of a chapter that are all shown; of more the pictures are folded, or all but the first."""
-MAX_ROWS = 12
-"""A longer table of pairs is folded: it is drawn below."""
 _RECALL_WORDS = {
     "overlap": "true overlap",
     "recall_low": "low",

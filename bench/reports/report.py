@@ -11,6 +11,8 @@ from bench.reports.drawing import Picture
 from bench.reports.tables import format_value
 from bench.store import write_text
 
+MAX_ROWS = 12
+"""A longer table is folded; where a sweep has one, one row a method stands in its place."""
 _LONG = 40
 """Letters of a cell from which its column is set in lines."""
 _TEMPLATES = Path(__file__).parent / "templates"
