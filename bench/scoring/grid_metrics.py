@@ -21,11 +21,10 @@ from bench.scoring.map_raster import (
     place_sheets,
     raster_for,
 )
-from bench.scoring.vote_kernel import FREE, OCCUPIED, compare_cells
+from bench.scoring.vote_kernel import FREE, OCCUPIED, Marks, compare_cells
 from merger.grid_map import GridMap
 
 Array = npt.NDArray[np.float64]
-Marks = npt.NDArray[np.uint8]
 
 
 @dataclass(frozen=True)

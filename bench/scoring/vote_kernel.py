@@ -4,6 +4,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+Array = npt.NDArray[np.float64]
+Marks = npt.NDArray[np.uint8]
 OCCUPIED, FREE = 1, 2
 """Marks of cells; 0 is unknown."""
 _BITS, _LOW = np.uint64(16), np.uint64(0xFFFF)
@@ -11,8 +13,8 @@ _BITS, _LOW = np.uint64(16), np.uint64(0xFFFF)
 
 @njit(cache=True, nogil=True)
 def add_votes(
-    marks: npt.NDArray[np.uint8],
-    T_sheet_raster: npt.NDArray[np.float64],
+    marks: Marks,
+    T_sheet_raster: Array,
     window: tuple[int, int, int, int],
     occupied: npt.NDArray[np.uint16],
     free: npt.NDArray[np.uint16],
@@ -40,11 +42,7 @@ def add_votes(
 
 @njit(cache=True, nogil=True)
 def compare_cells(
-    marks: npt.NDArray[np.uint8],
-    sheets: npt.NDArray[np.int64],
-    T_sheet_raster: npt.NDArray[np.float64],
-    true: npt.NDArray[np.uint8],
-    place: tuple[int, int, int, int],
+    marks: Marks, sheets: npt.NDArray[np.int64], T_sheet_raster: Array, true: Marks, place: tuple[int, int, int, int]
 ) -> tuple[int, int, int, int, int, int]:
     """Lay maps onto a raster, a row at a time that is counted and forgotten, and compare it with the true one.
 
@@ -87,9 +85,9 @@ def compare_cells(
 
 @njit(inline="always")
 def _add_row(
-    marks: npt.NDArray[np.uint8],
+    marks: Marks,
     sheet: npt.NDArray[np.int64],
-    T: npt.NDArray[np.float64],
+    T: Array,
     row: int,
     buffers: tuple[npt.NDArray[np.uint64], npt.NDArray[np.int32]],
 ) -> None:
